@@ -1,0 +1,5 @@
+//! Time of one step.
+
+fn main() {
+    divan::main();
+}
