@@ -1,0 +1,159 @@
+//! What the launcher tells a node at its start.
+
+use crate::domain::DomainName;
+use crate::error::NodeError;
+use serde::de::DeserializeOwned;
+use sidestep_msgs::{Robot, Winner};
+use std::path::PathBuf;
+
+/// Names of the environment variables through which the launcher speaks to a node, in any language.
+pub mod environment {
+    /// Prefix of every shared-memory object of the run.
+    pub const DOMAIN: &str = "SIDESTEP_DOMAIN";
+    /// Folder of the run.
+    pub const ROOT: &str = "SIDESTEP_ROOT";
+    /// Number of the run.
+    pub const RUN: &str = "SIDESTEP_RUN";
+    /// Name of the node.
+    pub const NODE: &str = "SIDESTEP_NODE";
+    /// Restarts of the node so far.
+    pub const INCARNATION: &str = "SIDESTEP_INCARNATION";
+    /// The resolved graph file.
+    pub const GRAPH: &str = "SIDESTEP_GRAPH";
+    /// The robot file.
+    pub const ROBOT: &str = "SIDESTEP_ROBOT";
+}
+
+/// A node's place in the run.
+#[derive(Debug, Clone)]
+pub struct Boot {
+    /// Name of the node.
+    pub node: String,
+    /// Domain of the run.
+    pub domain: DomainName,
+    /// Number of the run.
+    pub run: u64,
+    /// Restarts of this node so far.
+    pub incarnation: u32,
+    graph: PathBuf,
+    robot: PathBuf,
+}
+
+fn variable(name: &'static str, needed: &'static str) -> Result<String, NodeError> {
+    std::env::var(name).map_err(|_| NodeError::Environment {
+        variable: name,
+        found: "not set".into(),
+        needed,
+    })
+}
+
+fn number<T: std::str::FromStr>(name: &'static str) -> Result<T, NodeError> {
+    let text = variable(name, "a number")?;
+    text.parse().map_err(|_| NodeError::Environment { variable: name, found: text, needed: "a number" })
+}
+
+impl Boot {
+    /// Reads the environment that the launcher gave.
+    ///
+    /// # Errors
+    /// [`NodeError::Environment`] with the variable that is missing or wrong.
+    pub fn from_environment(node: &str) -> Result<Self, NodeError> {
+        let prefix = variable(environment::DOMAIN, "the prefix of the run")?;
+        let root = PathBuf::from(variable(environment::ROOT, "the folder of the run")?);
+        Ok(Self {
+            node: node.into(),
+            domain: DomainName { prefix, root },
+            run: number(environment::RUN)?,
+            incarnation: number(environment::INCARNATION)?,
+            graph: variable(environment::GRAPH, "the graph file")?.into(),
+            robot: variable(environment::ROBOT, "the robot file")?.into(),
+        })
+    }
+
+    fn read(path: &PathBuf) -> Result<String, NodeError> {
+        std::fs::read_to_string(path).map_err(|source| NodeError::File {
+            path: path.display().to_string(),
+            source,
+            remedy: "the launcher writes it at the start of a run",
+        })
+    }
+
+    fn graph(&self) -> Result<toml::Table, NodeError> {
+        let text = Self::read(&self.graph)?;
+        text.parse().map_err(|error| {
+            NodeError::Configuration(format!("graph file {}: {error}", self.graph.display()))
+        })
+    }
+
+    /// The node's own table `nodes.NAME.config` of the graph file.
+    ///
+    /// # Errors
+    /// [`NodeError::File`], or [`NodeError::Configuration`] with the key and what is allowed.
+    pub fn config<C: DeserializeOwned>(&self) -> Result<C, NodeError> {
+        let graph = self.graph()?;
+        let config = ["nodes", &self.node, "config"]
+            .iter()
+            .try_fold(&toml::Value::Table(graph), |value, key| value.get(key))
+            .cloned()
+            .unwrap_or_else(|| toml::Value::Table(toml::Table::new()));
+        config.try_into().map_err(|error| {
+            NodeError::Configuration(format!("graph file: nodes.{}.config: {error}", self.node))
+        })
+    }
+
+    /// The proposer that drives: [`Winner::Policy`] or [`Winner::Expert`], and whether the expert refines.
+    ///
+    /// # Errors
+    /// [`NodeError::File`] or [`NodeError::Configuration`].
+    pub fn lead(&self) -> Result<String, NodeError> {
+        let graph = self.graph()?;
+        Ok(graph.get("lead").and_then(toml::Value::as_str).unwrap_or("policy").to_owned())
+    }
+
+    /// The proposer whose command drives under a lead: all leads but `policy` are the expert node's.
+    ///
+    /// # Errors
+    /// As [`Boot::lead`].
+    pub fn lead_winner(&self) -> Result<Winner, NodeError> {
+        Ok(if self.lead()? == "policy" { Winner::Policy } else { Winner::Expert })
+    }
+
+    /// A top-level text of the graph file, such as `resume`.
+    ///
+    /// # Errors
+    /// [`NodeError::File`] or [`NodeError::Configuration`].
+    pub fn graph_text(&self, key: &str) -> Result<Option<String>, NodeError> {
+        Ok(self.graph()?.get(key).and_then(toml::Value::as_str).map(str::to_owned))
+    }
+
+    /// [s] the node's latency budget of the graph file, if it has one.
+    ///
+    /// # Errors
+    /// [`NodeError::File`] or [`NodeError::Configuration`].
+    pub fn budget_s(&self) -> Result<Option<f64>, NodeError> {
+        let graph = self.graph()?;
+        let budget = graph.get("budgets_ms").and_then(|budgets| budgets.get(&self.node));
+        Ok(budget.and_then(toml::Value::as_float).map(|ms| ms * 1e-3))
+    }
+
+    /// The files of the run: (name, text) of the resolved graph and of the robot.
+    ///
+    /// # Errors
+    /// [`NodeError::File`].
+    pub fn files(&self) -> Result<Vec<(String, String)>, NodeError> {
+        Ok(vec![
+            ("graph.toml".into(), Self::read(&self.graph)?),
+            ("robot.toml".into(), Self::read(&self.robot)?),
+        ])
+    }
+
+    /// The robot.
+    ///
+    /// # Errors
+    /// [`NodeError::File`], or [`NodeError::Configuration`] with key, found and needed.
+    pub fn robot(&self) -> Result<Robot, NodeError> {
+        let text = Self::read(&self.robot)?;
+        Robot::from_toml(&self.robot.display().to_string(), &text)
+            .map_err(|error| NodeError::Configuration(error.to_string()))
+    }
+}

@@ -1,0 +1,188 @@
+//! One step of a node: its one time, what it took, whom it follows.
+
+use sidestep_msgs::{Header, INPUTS_MAX, STAGES, Stage, StageStamp, Status, Taken};
+
+/// Given to the node's closure at each wake; keeps what was taken until an output carried it away.
+#[derive(Debug)]
+pub struct Step {
+    pub(crate) now_ns: u64,
+    pub(crate) receive_ns: u64,
+    pub(crate) epoch: u32,
+    pub(crate) epoch_raised: bool,
+    pub(crate) open_loop: bool,
+    pub(crate) tick: bool,
+    pub(crate) wake_at_ns: Option<u64>,
+    pub(crate) published: bool,
+    pub(crate) status: Status,
+    source_frame: u64,
+    stages: [StageStamp; STAGES],
+    stage: Option<Stage>,
+    taken: [Taken; INPUTS_MAX],
+    taken_count: usize,
+}
+
+impl Step {
+    pub(crate) fn new() -> Self {
+        Self {
+            now_ns: 0,
+            receive_ns: 0,
+            epoch: 0,
+            epoch_raised: false,
+            open_loop: false,
+            tick: false,
+            wake_at_ns: None,
+            published: false,
+            status: Status::Ok,
+            source_frame: 0,
+            stages: [StageStamp::default(); STAGES],
+            stage: None,
+            taken: [Taken::default(); INPUTS_MAX],
+            taken_count: 0,
+        }
+    }
+
+    /// Forgets what an output has carried away, and whom the last step followed.
+    pub(crate) fn begin(&mut self, now_ns: u64, receive_ns: u64) {
+        if self.published {
+            self.taken_count = 0;
+            self.published = false;
+        }
+        self.now_ns = now_ns;
+        self.receive_ns = receive_ns;
+        self.source_frame = 0;
+        self.stages = [StageStamp::default(); STAGES];
+        self.stage = None;
+        self.status = Status::Ok;
+    }
+
+    /// [ns] graph time of this step, its only time.
+    #[must_use]
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// Whether playback looped or sought since the last step: the node must reset.
+    #[must_use]
+    pub fn epoch_raised(&self) -> bool {
+        self.epoch_raised
+    }
+
+    /// Whether the sensors are a recording that no command can change.
+    #[must_use]
+    pub fn is_open_loop(&self) -> bool {
+        self.open_loop
+    }
+
+    /// Whether the period of [`crate::Link::tick_every`] has passed.
+    #[must_use]
+    pub fn is_tick(&self) -> bool {
+        self.tick
+    }
+
+    /// Asks to be woken at a graph time, once; the earliest wish of a step counts.
+    pub fn wake_at(&mut self, graph_ns: u64) {
+        self.wake_at_ns = Some(self.wake_at_ns.map_or(graph_ns, |earlier| earlier.min(graph_ns)));
+    }
+
+    /// Makes the outputs of this step about the frame of an input, and carries its stamps on.
+    pub fn follow(&mut self, input: &Header, stage: Stage) {
+        self.source_frame = input.source_frame;
+        for (mine, theirs) in self.stages.iter_mut().zip(&input.stages) {
+            if theirs.send_ns != 0 {
+                *mine = *theirs;
+            }
+        }
+        self.stage = Some(stage);
+    }
+
+    /// Makes the outputs of this step about a frame without an input to follow: drivers, and stops of the arbiter.
+    pub fn originate(&mut self, source_frame: u64, stage: Stage) {
+        self.source_frame = source_frame;
+        self.stage = Some(stage);
+    }
+
+    /// Says whether the step could do its work.
+    pub fn status(&mut self, status: Status) {
+        self.status = status;
+    }
+
+    /// Notes that a message was taken.
+    pub(crate) fn note(&mut self, topic: usize, header: &Header) {
+        let entries = &mut self.taken[..self.taken_count];
+        let same =
+            |entry: &&mut Taken| entry.topic as usize == topic && entry.incarnation == header.incarnation;
+        if let Some(entry) = entries.iter_mut().rev().find(same) {
+            entry.last = header.sequence;
+            entry.count += 1;
+        } else if self.taken_count < INPUTS_MAX {
+            self.taken[self.taken_count] = Taken {
+                first: header.sequence,
+                last: header.sequence,
+                count: 1,
+                incarnation: header.incarnation,
+                topic: topic as u32,
+                _pad: 0,
+            };
+            self.taken_count += 1;
+        }
+    }
+
+    /// The header of an output; the caller fills run, incarnation and sequence.
+    pub(crate) fn header(&self, send_ns: u64) -> Header {
+        let mut header = Header {
+            source_frame: self.source_frame,
+            now_ns: self.now_ns,
+            epoch: self.epoch,
+            status: self.status as u32,
+            input_count: self.taken_count as u32,
+            inputs: self.taken,
+            stages: self.stages,
+            ..Header::default()
+        };
+        header.inputs[self.taken_count..].fill(Taken::default());
+        if let Some(stage) = self.stage {
+            header.stages[stage as usize] = StageStamp { receive_ns: self.receive_ns, send_ns };
+        }
+        header
+    }
+
+    pub(crate) fn source_frame(&self) -> u64 {
+        self.source_frame
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inputs_are_named_once_per_topic_and_incarnation_until_an_output_carried_them() {
+        let mut step = Step::new();
+        step.begin(10, 20);
+        for sequence in 4..=6 {
+            step.note(3, &Header { sequence, ..Header::default() });
+        }
+        step.note(3, &Header { sequence: 1, incarnation: 1, ..Header::default() });
+        step.begin(11, 21);
+        let header = step.header(30);
+        assert_eq!(header.input_count, 2);
+        assert_eq!((header.inputs[0].first, header.inputs[0].last, header.inputs[0].count), (4, 6, 3));
+        assert_eq!((header.inputs[1].incarnation, header.inputs[1].count), (1, 1));
+        step.published = true;
+        step.begin(12, 22);
+        assert_eq!(step.header(31).input_count, 0);
+    }
+
+    #[test]
+    fn a_stage_adds_its_stamps_to_those_of_its_input() {
+        let mut input = Header { source_frame: 9, ..Header::default() };
+        input.stages[Stage::Depth as usize] = StageStamp { receive_ns: 1, send_ns: 2 };
+        let mut step = Step::new();
+        step.begin(10, 20);
+        step.follow(&input, Stage::Mapper);
+        let header = step.header(30);
+        assert_eq!(header.source_frame, 9);
+        assert_eq!(header.stages[0].send_ns, 2);
+        assert_eq!(header.stages[1], StageStamp { receive_ns: 20, send_ns: 30 });
+    }
+}
