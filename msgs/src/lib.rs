@@ -18,6 +18,7 @@ mod map;
 mod odometry;
 mod operator;
 mod proposal;
+mod recording;
 mod robot;
 mod scan;
 mod state;
@@ -40,6 +41,10 @@ pub use map::{
 pub use odometry::{Odometry, RANGES_MAX, Range, Ranges};
 pub use operator::{Estop, EstopAction, Teleop};
 pub use proposal::{Proposal, TRAJECTORY_MAX, WINDOW_S, clamp_to_window};
+pub use recording::{
+    DEPTH_REST_BYTES, DEPTH_REST_CHANNEL, LAYOUT_ENCODING, LAYOUT_HASH_KEY, LOST_RECORD, MONO_TO_WALL_KEY,
+    ORIGIN_RECORD, RAW_ENCODING,
+};
 pub use robot::{Actuator, Camera, Footprint, Lidar, Limits, Robot, RobotError, Start, Ultrasonic};
 pub use scan::{SCAN_BEAMS, Scan};
 pub use state::{
