@@ -1,0 +1,251 @@
+//! The bare optimiser: bytes of planning cost, a goal cell and a velocity in, a plan out; for node and training alike.
+
+use crate::candidates::{PIECE_STEPS, PIECES, Pieces, groups};
+use crate::config::Weights;
+use crate::problem::{HORIZON_STEPS, Problem, STEP_S};
+use crate::refinement::{Scored, best_lane, improve};
+use crate::rollout::{Group, Kernel, LANES, Scores, look_up};
+use sidestep_msgs::{LOCAL_CELLS, Limits, Pose2, Twist};
+
+/// Distinct candidates that a solved plan improves.
+const STARTS: usize = 4;
+/// Candidates differ when a number of theirs differs by this part of its range.
+const DISTINCT: f32 = 0.2;
+/// Rounds of sixteen probes per start of a solved plan.
+const SOLVED_ROUNDS: usize = 40;
+/// Groups of sixteen candidates beside the seed of a refined plan.
+const REFINED_GROUPS: usize = 3;
+/// Rounds of sixteen probes of a refined plan: with the groups and the seed's own, a quarter of 734 evaluations.
+const REFINED_ROUNDS: usize = 7;
+/// Planning cost above the limit that discrete candidates may show without counting as inadmissible.
+const TOLERANCE: f32 = 0.1;
+
+/// How hard to think.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mode {
+    /// The best candidate.
+    Plain,
+    /// The best four distinct candidates, improved.
+    Solved,
+    /// A proposal from elsewhere, improved; better than 734 candidates at a quarter of their evaluations.
+    Refined(Twist),
+}
+
+/// An answer to eq. (6).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plan {
+    /// u: the target of the first piece.
+    pub twist: Twist,
+    /// Targets of all pieces, approached within the limits of acceleration.
+    pub pieces: [Twist; PIECES],
+    /// J of eq. (6), the limit as penalty.
+    pub cost: f32,
+    /// [1] largest planning cost met.
+    pub worst: f32,
+    /// [1] planning cost where the robot stands.
+    pub here: f32,
+    /// Candidates evaluated.
+    pub evaluated: u32,
+}
+
+impl Plan {
+    /// Whether the plan keeps the limit, or at least does not enter higher cost than where the robot stands.
+    #[must_use]
+    pub fn is_admissible(&self, limit: f32) -> bool {
+        self.worst <= limit.max(self.here) + TOLERANCE
+    }
+}
+
+/// The optimiser with its memory; one per thread.
+#[derive(Debug, Clone)]
+pub struct Planner {
+    limits: Limits,
+    candidates: usize,
+    groups: Vec<Group>,
+    scores: Vec<Scores>,
+    problem: Problem,
+    kernel: Kernel,
+}
+
+impl Planner {
+    /// Makes the first `candidates` candidates (at least one) for a robot.
+    #[must_use]
+    pub fn new(limits: &Limits, weights: &Weights, candidates: usize) -> Self {
+        let candidates = candidates.max(1);
+        let groups = groups(candidates, limits);
+        Self {
+            limits: *limits,
+            candidates,
+            scores: vec![Scores::NONE; groups.len()],
+            groups,
+            problem: Problem::new(limits, *weights),
+            kernel: Kernel::best(),
+        }
+    }
+
+    /// Plans on bytes of planning cost towards a cell of the local map, from a velocity.
+    pub fn plan(&mut self, cost: &[u8; LOCAL_CELLS], goal_cell: usize, from: Twist, mode: Mode) -> Plan {
+        self.problem.pose(cost, goal_cell, from);
+        let (best, evaluated) = match mode {
+            Mode::Plain => (self.plain(), self.candidates),
+            Mode::Solved => self.solved(),
+            Mode::Refined(seed) => self.refined(seed),
+        };
+        self.answer(&best, evaluated)
+    }
+
+    /// The best of the candidates of the last plain or solved plan that is admissible, if there is any.
+    #[must_use]
+    pub fn best_admissible(&self) -> Option<Plan> {
+        let limit = self.problem.weights.limit;
+        let bound = 255.0 * (limit.max(self.here()) + TOLERANCE);
+        let admissible = |index: &usize| self.scores[index / LANES].worst[index % LANES] <= bound;
+        let best = (0..self.candidates).filter(admissible).reduce(|best, index| {
+            if self.cost_of_candidate(index) < self.cost_of_candidate(best) { index } else { best }
+        })?;
+        Some(self.answer(&self.scored(best), self.candidates))
+    }
+
+    /// J of eq. (6) for velocities of one's own.
+    pub fn cost_of(
+        &mut self,
+        cost: &[u8; LOCAL_CELLS],
+        goal_cell: usize,
+        from: Twist,
+        pieces: &[Twist; PIECES],
+    ) -> f32 {
+        self.problem.pose(cost, goal_cell, from);
+        let mut group = [Group::STOP];
+        let mut scores = [Scores::NONE];
+        group[0].set(0, &pieces.map(|twist| self.within(self.problem.turned(twist))));
+        self.kernel.evaluate(&self.problem, &group, &mut scores);
+        scores[0].cost[0]
+    }
+
+    /// The poses of a plan in `base`, one per 0.1 s, the first at 0.1 s.
+    #[must_use]
+    pub fn trajectory(&self, plan: &Plan) -> [Pose2; HORIZON_STEPS] {
+        let mut twist = self.problem.turned(self.problem.from);
+        let mut pose = Pose2::ORIGIN;
+        let mut targets = (0..PIECES).flat_map(|piece| std::iter::repeat_n(plan.pieces[piece], PIECE_STEPS[piece]));
+        let step = self.problem.step;
+        std::array::from_fn(|_| {
+            let target = targets.next().unwrap_or(plan.pieces[PIECES - 1]);
+            twist.v_m_s += (target.v_m_s - twist.v_m_s).clamp(-step.v_m_s, step.v_m_s);
+            twist.w_rad_s += (target.w_rad_s - twist.w_rad_s).clamp(-step.w_rad_s, step.w_rad_s);
+            pose = pose.advance(&twist, f64::from(STEP_S));
+            pose
+        })
+    }
+
+    fn here(&self) -> f32 {
+        look_up(&self.problem, 0.0, 0.0) * (1.0 / 255.0)
+    }
+
+    fn answer(&self, best: &Scored, evaluated: usize) -> Plan {
+        let pieces = best.pieces.map(|twist| self.problem.turned(twist));
+        Plan {
+            twist: pieces[0],
+            pieces,
+            cost: best.cost,
+            worst: best.worst * (1.0 / 255.0),
+            here: self.here(),
+            evaluated: u32::try_from(evaluated).unwrap_or(u32::MAX),
+        }
+    }
+
+    fn within(&self, twist: Twist) -> Twist {
+        let number = |value: f32, least: f32, most: f32| if value.is_nan() { 0.0 } else { value.clamp(least, most) };
+        let turn = self.limits.turn_rad_s;
+        Twist::new(number(twist.v_m_s, 0.0, self.limits.forward_m_s), number(twist.w_rad_s, -turn, turn))
+    }
+
+    fn cost_of_candidate(&self, index: usize) -> f32 {
+        self.scores[index / LANES].cost[index % LANES]
+    }
+
+    fn scored(&self, index: usize) -> Scored {
+        let (group, lane) = (index / LANES, index % LANES);
+        let score = &self.scores[group];
+        Scored { pieces: self.groups[group].get(lane), cost: score.cost[lane], worst: score.worst[lane] }
+    }
+
+    /// Evaluates every candidate; the best, the first of equals.
+    fn plain(&mut self) -> Scored {
+        self.kernel.evaluate(&self.problem, &self.groups, &mut self.scores);
+        let (mut best, mut least) = (0, f32::INFINITY);
+        for (number, score) in self.scores.iter().enumerate() {
+            let lane = best_lane(score);
+            if score.cost[lane] < least {
+                (best, least) = (number * LANES + lane, score.cost[lane]);
+            }
+        }
+        self.scored(best)
+    }
+
+    fn solved(&mut self) -> (Scored, usize) {
+        let mut best = self.plain();
+        let mut starts = [best; STARTS];
+        let mut evaluated = self.candidates;
+        for number in 0..STARTS {
+            if number > 0 {
+                let Some(next) = self.best_distinct(&starts[..number]) else { break };
+                starts[number] = next;
+            }
+            let mut start = starts[number];
+            let rounds = improve(self.kernel, &self.problem, &self.limits, &mut start, SOLVED_ROUNDS);
+            evaluated += rounds * LANES;
+            if start.cost < best.cost {
+                best = start;
+            }
+        }
+        (best, evaluated)
+    }
+
+    /// The best candidate that differs from all of `taken`.
+    fn best_distinct(&self, taken: &[Scored]) -> Option<Scored> {
+        let (mut best, mut least) = (None, f32::INFINITY);
+        for (number, score) in self.scores.iter().enumerate() {
+            for lane in 0..LANES {
+                if score.cost[lane] < least
+                    && number * LANES + lane < self.candidates
+                    && taken.iter().all(|other| self.differ(&self.groups[number].get(lane), &other.pieces))
+                {
+                    (best, least) = (Some(number * LANES + lane), score.cost[lane]);
+                }
+            }
+        }
+        best.map(|index| self.scored(index))
+    }
+
+    fn differ(&self, one: &Pieces, other: &Pieces) -> bool {
+        let (v, w) = (DISTINCT * self.limits.forward_m_s, DISTINCT * 2.0 * self.limits.turn_rad_s);
+        one.iter().zip(other).any(|(a, b)| (a.v_m_s - b.v_m_s).abs() > v || (a.w_rad_s - b.w_rad_s).abs() > w)
+    }
+
+    fn refined(&mut self, seed: Twist) -> (Scored, usize) {
+        let seed = self.within(self.problem.turned(seed));
+        let count = REFINED_GROUPS.min(self.groups.len());
+        // The seed's own group: the seed now, then each of the first candidates; lane 0 keeps the seed.
+        let (mut own, mut own_scores) = ([Group::STOP], [Scores::NONE]);
+        for lane in 0..LANES {
+            let later = if lane == 0 { [seed; PIECES] } else { self.groups[0].get(lane - 1) };
+            own[0].set(lane, &[seed, later[1], later[2]]);
+        }
+        self.kernel.evaluate(&self.problem, &own, &mut own_scores);
+        self.kernel.evaluate(&self.problem, &self.groups[..count], &mut self.scores[..count]);
+        let lane = best_lane(&own_scores[0]);
+        let mut best = Scored {
+            pieces: own[0].get(lane),
+            cost: own_scores[0].cost[lane],
+            worst: own_scores[0].worst[lane],
+        };
+        for index in 0..(count * LANES).min(self.candidates) {
+            if self.cost_of_candidate(index) < best.cost {
+                best = self.scored(index);
+            }
+        }
+        let rounds = improve(self.kernel, &self.problem, &self.limits, &mut best, REFINED_ROUNDS);
+        (best, (1 + count + rounds) * LANES)
+    }
+}
