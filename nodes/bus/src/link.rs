@@ -100,9 +100,8 @@ pub struct Link {
     health: Option<Outbox<Health>>,
     wakes: Vec<Listener<ipc::Service>>,
     tick_ns: Option<u64>,
-    stop: Rc<Stop>,
     // Dropped last: everything above lives in it.
-    _node: Rc<Node<ipc::Service>>,
+    node: Rc<Node<ipc::Service>>,
 }
 
 impl Link {
@@ -113,10 +112,19 @@ impl Link {
     pub fn open(boot: &Boot) -> Result<Self, NodeError> {
         let mut link = Self::attach(&boot.domain, &boot.node, boot.run, boot.incarnation)?;
         link.budget_ns = boot.budget_s()?.map_or(u64::MAX, |seconds| (seconds * 1e9) as u64);
-        if let Some(topic) = health_topic(&boot.node) {
-            link.health = Some(link.outbox(topic)?);
+        match health_topic(&boot.node) {
+            Some(topic) => link.with_heartbeat(topic),
+            None => Ok(link),
         }
-        Ok(link)
+    }
+
+    /// Beats on a topic while the loop runs.
+    ///
+    /// # Errors
+    /// As [`Link::open`].
+    pub fn with_heartbeat(mut self, topic: Topic<Health>) -> Result<Self, NodeError> {
+        self.health = Some(self.outbox(topic)?);
+        Ok(self)
     }
 
     /// Connects a tool that is no node of the graph: it reads, or writes an operator's topic.
@@ -124,7 +132,18 @@ impl Link {
     /// # Errors
     /// As [`Link::open`].
     pub fn attach(domain: &DomainName, name: &str, run: u64, incarnation: u32) -> Result<Self, NodeError> {
-        let node = Rc::new(domain.node(name)?);
+        Self::on(Rc::new(domain.node(name)?), run, incarnation)
+    }
+
+    /// A second link of the same process, with clocks and counters of its own.
+    ///
+    /// # Errors
+    /// As [`Link::open`].
+    pub fn join(&self) -> Result<Self, NodeError> {
+        Self::on(self.node.clone(), self.run, self.incarnation)
+    }
+
+    fn on(node: Rc<Node<ipc::Service>>, run: u64, incarnation: u32) -> Result<Self, NodeError> {
         let services = Services::of(node.clone());
         let counters = Rc::new(Counters::new());
         let clock_inbox =
@@ -140,8 +159,7 @@ impl Link {
             health: None,
             wakes: Vec::new(),
             tick_ns: None,
-            stop: Rc::new(Stop::new()?),
-            _node: node,
+            node,
         })
     }
 
@@ -180,6 +198,15 @@ impl Link {
         self.wake_on(CLOCK)
     }
 
+    /// Reads the clocks once, for a tool that looks at its inboxes at its own pace instead of running a loop.
+    ///
+    /// # Errors
+    /// [`NodeError::Transport`].
+    pub fn look(&mut self, step: &mut Step) -> Result<(), NodeError> {
+        step.published = true;
+        self.read_clock(step, host_ns())
+    }
+
     /// What the inboxes lost and skipped and the outboxes sent.
     #[must_use]
     pub fn counters(&self) -> Rc<Counters> {
@@ -208,8 +235,8 @@ impl Link {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
             .map_err(|error| failed(&error))?;
-        let stop = self.stop.clone();
-        let mut guards = vec![waitset.attach_notification(&*stop).map_err(|error| failed(&error))?];
+        let stop = Stop::new()?;
+        let mut guards = vec![waitset.attach_notification(&stop).map_err(|error| failed(&error))?];
         for listener in &wakes {
             guards.push(waitset.attach_notification(listener).map_err(|error| failed(&error))?);
         }

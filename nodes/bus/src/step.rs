@@ -21,8 +21,16 @@ pub struct Step {
     taken_count: usize,
 }
 
+impl Default for Step {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Step {
-    pub(crate) fn new() -> Self {
+    /// A step that took nothing yet; loops make their own.
+    #[must_use]
+    pub fn new() -> Self {
         Self {
             now_ns: 0,
             receive_ns: 0,

@@ -1,0 +1,305 @@
+//! The graph file: which nodes run, with what configuration, budgets and restart policy.
+
+use crate::failure::Failure;
+use serde::Deserialize;
+use sidestep_msgs::Robot;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Graph files that travel in the binary, by name.
+pub(crate) const GRAPHS: &[(&str, &str)] = &[
+    ("sim", include_str!("graphs/sim.toml")),
+    ("robot", include_str!("graphs/robot.toml")),
+    ("play", include_str!("graphs/play.toml")),
+];
+
+/// Robot files that travel in the binary, by name.
+pub(crate) const ROBOTS: &[(&str, &str)] =
+    &[("loomo", include_str!("robots/loomo.toml")), ("jackal", include_str!("robots/jackal.toml"))];
+
+/// Who drives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Lead {
+    /// The network.
+    Policy,
+    /// The expert's best of 734.
+    Expert,
+    /// The expert's refined best four.
+    Solved,
+    /// The policy's proposal, improved by the expert.
+    Refined,
+}
+
+/// What happens after a stop that was not asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Resume {
+    /// The robot drives on when everything is well again.
+    Auto,
+    /// An operator must say `sidestep reset`.
+    Operator,
+}
+
+/// What happens when a node ends without being asked to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Restart {
+    /// Started again.
+    Always,
+    /// Left ended; the drive goes on without it.
+    Never,
+}
+
+/// How restarts are paced.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Supervision {
+    /// [ms] silence of a heartbeat after which a node counts as hung and is killed.
+    pub(crate) hang_ms: u64,
+    /// [ms] time a node has from its start to its first heartbeat.
+    pub(crate) start_ms: u64,
+    /// [ms] pause before the second restart in a row; doubles with each further one.
+    pub(crate) delay_ms: u64,
+    /// [ms] longest pause.
+    pub(crate) delay_most_ms: u64,
+    /// Restarts within the window after which a node is given up.
+    pub(crate) restarts_most: u32,
+    /// [s] the window; a node that lived this long starts its count afresh.
+    pub(crate) window_s: f64,
+}
+
+/// A node of this program.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Entry<C> {
+    /// What to do when it ends.
+    restart: Restart,
+    /// Cores it may use; empty = all.
+    #[serde(default)]
+    cpus: Vec<usize>,
+    /// Real-time priority (SCHED_FIFO), 1 to 99; 0 = none.
+    #[serde(default)]
+    priority: u8,
+    /// The node's own configuration.
+    #[allow(dead_code, reason = "read for its type: a node reads the resolved file itself")]
+    config: C,
+}
+
+/// A node of another program that speaks the topics.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct External {
+    restart: Restart,
+    #[serde(default)]
+    cpus: Vec<usize>,
+    #[serde(default)]
+    priority: u8,
+    /// Program and arguments.
+    command: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Nodes {
+    sim: Option<Entry<sidestep_sim::Config>>,
+    player: Option<Entry<sidestep_player::Config>>,
+    mapper: Option<Entry<sidestep_mapper::Config>>,
+    goal: Option<Entry<sidestep_goal::Config>>,
+    policy: Option<Entry<sidestep_policy::Config>>,
+    expert: Option<Entry<sidestep_expert::Config>>,
+    arbiter: Option<Entry<sidestep_arbiter::Config>>,
+    recorder: Option<Entry<sidestep_recorder::Config>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    robot: String,
+    lead: Lead,
+    #[allow(dead_code, reason = "read for its type: the arbiter reads the resolved file itself")]
+    resume: Resume,
+    supervision: Supervision,
+    budgets_ms: BTreeMap<String, f64>,
+    nodes: Nodes,
+    #[serde(default)]
+    external: BTreeMap<String, External>,
+}
+
+/// How to start one node.
+#[derive(Debug, Clone)]
+pub(crate) struct NodePlan {
+    /// Its name.
+    pub(crate) name: String,
+    /// Program and arguments; empty = this program.
+    pub(crate) command: Vec<String>,
+    /// What to do when it ends.
+    pub(crate) restart: Restart,
+    /// Cores it may use; empty = all.
+    pub(crate) cpus: Vec<usize>,
+    /// Real-time priority; 0 = none.
+    pub(crate) priority: u8,
+}
+
+/// A checked graph.
+#[derive(Debug, Clone)]
+pub(crate) struct Graph {
+    /// Name or path it came from.
+    pub(crate) origin: String,
+    /// The file with every `--set` applied.
+    pub(crate) text: String,
+    /// The robot file.
+    pub(crate) robot_text: String,
+    /// The robot.
+    pub(crate) robot: Robot,
+    /// Who drives.
+    pub(crate) lead: Lead,
+    /// Restart pacing.
+    pub(crate) supervision: Supervision,
+    /// [ms] latency budget per stage.
+    pub(crate) budgets_ms: BTreeMap<String, f64>,
+    /// Nodes in the order of the data.
+    pub(crate) nodes: Vec<NodePlan>,
+}
+
+/// A text from the binary by its name, or a file.
+fn read(kind: &str, built_in: &[(&str, &str)], origin: &str) -> Result<String, Failure> {
+    if let Some((_, text)) = built_in.iter().find(|(name, _)| *name == origin) {
+        return Ok((*text).to_owned());
+    }
+    std::fs::read_to_string(origin).map_err(|error| {
+        let names: Vec<_> = built_in.iter().map(|(name, _)| *name).collect();
+        Failure::usage(format!("{kind} {origin}: {error}; give a path, or one of: {}", names.join(", ")))
+    })
+}
+
+/// Applies `NODE.KEY=VALUE`, or `KEY=VALUE` for a key of the whole graph.
+fn apply(table: &mut toml::Table, setting: &str) -> Result<(), Failure> {
+    let wrong = |why: &str| Failure::usage(format!("--set {setting}: {why}; needed: NODE.KEY=VALUE or KEY=VALUE"));
+    let (path, value) = setting.split_once('=').ok_or_else(|| wrong("no ="))?;
+    // A value that is not TOML is meant as text.
+    let value = format!("v = {value}")
+        .parse::<toml::Table>()
+        .ok()
+        .and_then(|mut parsed| parsed.remove("v"))
+        .unwrap_or_else(|| toml::Value::String(value.to_owned()));
+    let Some((node, key)) = path.split_once('.') else {
+        table.insert(path.to_owned(), value);
+        return Ok(());
+    };
+    let place = match node {
+        "supervision" | "budgets_ms" => table.get_mut(node),
+        _ => table.get_mut("nodes").and_then(|nodes| nodes.get_mut(node)).and_then(|entry| entry.get_mut("config")),
+    };
+    let place = place.and_then(toml::Value::as_table_mut).ok_or_else(|| wrong("no such node in this graph"))?;
+    let (parents, last) = key.rsplit_once('.').map_or((None, key), |(parents, last)| (Some(parents), last));
+    let mut place = place;
+    for parent in parents.into_iter().flat_map(|parents| parents.split('.')) {
+        place = place.get_mut(parent).and_then(toml::Value::as_table_mut).ok_or_else(|| wrong("no such key"))?;
+    }
+    place.insert(last.to_owned(), value);
+    Ok(())
+}
+
+impl Graph {
+    /// Reads, resolves and checks a graph file.
+    ///
+    /// # Errors
+    /// Exit code 2 with file, line, column, what was found and what is allowed.
+    pub(crate) fn load(origin: &str, settings: &[String]) -> Result<Self, Failure> {
+        let mut text = read("graph", GRAPHS, origin)?;
+        // Parsed as it stands first, so that line and column are those of the file.
+        let mut file = Self::parse(origin, &text)?;
+        if !settings.is_empty() {
+            let mut table: toml::Table =
+                text.parse().map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
+            for setting in settings {
+                apply(&mut table, setting)?;
+            }
+            text = toml::to_string(&table).map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
+            file = Self::parse(&format!("{origin} with --set {}", settings.join(" --set ")), &text)?;
+        }
+        let robot_text = read("robot", ROBOTS, &file.robot)?;
+        let robot = Robot::from_toml(&file.robot, &robot_text).map_err(|error| Failure::usage(error.to_string()))?;
+        let nodes = plans(&file, origin)?;
+        Ok(Self {
+            origin: origin.to_owned(),
+            text,
+            robot_text,
+            robot,
+            lead: file.lead,
+            supervision: file.supervision,
+            budgets_ms: file.budgets_ms,
+            nodes,
+        })
+    }
+
+    fn parse(origin: &str, text: &str) -> Result<File, Failure> {
+        toml::from_str(text).map_err(|error| Failure::usage(format!("graph {origin}: {error}")))
+    }
+
+    /// Whether a node is part of the graph.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.nodes.iter().any(|node| node.name == name)
+    }
+
+    /// Writes the resolved files where the nodes will look for them.
+    ///
+    /// # Errors
+    /// Exit code 3 with the path.
+    pub(crate) fn write(&self, root: &Path) -> Result<(), Failure> {
+        for (name, text) in [("graph.toml", &self.text), ("robot.toml", &self.robot_text)] {
+            let path = root.join(name);
+            std::fs::write(&path, text).map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
+        }
+        Ok(())
+    }
+}
+
+fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
+    NodePlan {
+        name: name.to_owned(),
+        command: Vec::new(),
+        restart: entry.restart,
+        cpus: entry.cpus.clone(),
+        priority: entry.priority,
+    }
+}
+
+/// Consumers first: whoever writes finds its readers waiting.
+fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
+    let nodes = &file.nodes;
+    let mut plans: Vec<NodePlan> = [
+        nodes.recorder.as_ref().map(|entry| plan("recorder", entry)),
+        nodes.arbiter.as_ref().map(|entry| plan("arbiter", entry)),
+        nodes.expert.as_ref().map(|entry| plan("expert", entry)),
+        nodes.policy.as_ref().map(|entry| plan("policy", entry)),
+        nodes.goal.as_ref().map(|entry| plan("goal", entry)),
+        nodes.mapper.as_ref().map(|entry| plan("mapper", entry)),
+        nodes.player.as_ref().map(|entry| plan("player", entry)),
+        nodes.sim.as_ref().map(|entry| plan("sim", entry)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    for (name, external) in &file.external {
+        if plans.iter().any(|plan| plan.name == *name) {
+            let why = format!("graph {origin}: {name} stands both in [nodes] and in [external]; keep one");
+            return Err(Failure::usage(why));
+        }
+        if external.command.is_empty() {
+            return Err(Failure::usage(format!("graph {origin}: external.{name}.command is empty; give a program")));
+        }
+        plans.push(NodePlan {
+            name: name.clone(),
+            command: external.command.clone(),
+            restart: external.restart,
+            cpus: external.cpus.clone(),
+            priority: external.priority,
+        });
+    }
+    if plans.is_empty() {
+        return Err(Failure::usage(format!("graph {origin}: no nodes; add at least one table [nodes.NAME]")));
+    }
+    Ok(plans)
+}

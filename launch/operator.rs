@@ -1,0 +1,80 @@
+//! What a person says to a run: emergency stop, reset, hold, resume, teleop.
+
+use crate::failure::Failure;
+use crate::look::join;
+use sidestep_bus::{Keep, Outbox, Step, host_ns, pause};
+use sidestep_msgs::{COMMAND, Code, ESTOP, EstopAction, Reason, Stage, TELEOP, Teleop};
+use std::time::Duration;
+
+/// [ns] time the arbiter has to acknowledge.
+const ACKNOWLEDGE_NS: u64 = 500_000_000;
+/// [ns] time to wait for another operator's message to leave the topic.
+const TURN_NS: u64 = 1_000_000_000;
+/// Pace of teleop wishes.
+const WISH_EVERY: Duration = Duration::from_millis(20);
+
+/// Says one thing and waits for the arbiter's acknowledgement.
+///
+/// # Errors
+/// Exit code 3 where no run lives or nobody acknowledges.
+pub(crate) fn say(action: EstopAction) -> Result<String, Failure> {
+    let mut link = join("operator")?;
+    let mut commands = link.inbox(COMMAND, Keep::Newest)?;
+    let mut step = Step::new();
+    let token = host_ns() | 1;
+    let mut outbox = turn(&link)?;
+    link.look(&mut step)?;
+    step.originate(0, Stage::Arbiter);
+    outbox.send(&mut step, |estop| {
+        estop.token = token;
+        estop.action = action as u32;
+        estop._pad = 0;
+    })?;
+    let until_ns = host_ns() + ACKNOWLEDGE_NS;
+    while host_ns() < until_ns {
+        link.look(&mut step)?;
+        if let Some(command) = commands.newest(&mut step)?
+            && command.operator_token == token
+        {
+            let reason = Reason::from_code(command.reason).map_or("unknown reason", Reason::label);
+            return Ok(format!("{} acknowledged; the robot: {reason}", action.label()));
+        }
+        pause(Duration::from_millis(2));
+    }
+    let why = format!("{} was not acknowledged within 0.5 s; is the arbiter alive? see `sidestep top`", action.label());
+    Err(Failure::io(why))
+}
+
+/// Waits for its turn to write: operators share the topic for one message each.
+fn turn(link: &sidestep_bus::Link) -> Result<Outbox<sidestep_msgs::Estop>, Failure> {
+    let until_ns = host_ns() + TURN_NS;
+    loop {
+        match link.outbox(ESTOP) {
+            Ok(outbox) => return Ok(outbox),
+            Err(error) if host_ns() >= until_ns => return Err(error.into()),
+            Err(_) => pause(Duration::from_millis(5)),
+        }
+    }
+}
+
+/// Drives with a constant wish while this command runs, the dead man's switch held; releases it at the end.
+///
+/// # Errors
+/// Exit code 3 where no run lives or another operator holds the stick.
+pub(crate) fn teleop(v_m_s: f32, w_rad_s: f32, time: Duration) -> Result<(), Failure> {
+    let mut link = join("teleop")?;
+    let mut outbox = link.outbox(TELEOP)?;
+    let mut step = Step::new();
+    let until_ns = host_ns() + time.as_nanos() as u64;
+    let mut wish = |dead_man: u32| -> Result<(), Failure> {
+        link.look(&mut step)?;
+        let stamp_ns = step.now_ns();
+        let (v_m_s, w_rad_s) = if dead_man == 1 { (v_m_s, w_rad_s) } else { (0.0, 0.0) };
+        Ok(outbox.send(&mut step, |teleop| *teleop = Teleop { stamp_ns, v_m_s, w_rad_s, dead_man, _pad: 0 })?)
+    };
+    while host_ns() < until_ns {
+        wish(1)?;
+        pause(WISH_EVERY);
+    }
+    wish(0)
+}

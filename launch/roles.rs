@@ -1,0 +1,43 @@
+//! What this program becomes when the launcher starts it again as a node.
+
+use crate::failure::Failure;
+use sidestep_bus::{Boot, DomainName, NodeError, environment, sweep};
+
+type Role = fn(&Boot) -> Result<(), NodeError>;
+
+/// Every node of this program and its entry.
+const ROLES: &[(&str, Role)] = &[
+    ("sim", sidestep_sim::run),
+    ("player", sidestep_player::run),
+    ("mapper", sidestep_mapper::run),
+    ("goal", sidestep_goal::run),
+    ("policy", sidestep_policy::run),
+    ("expert", sidestep_expert::run),
+    ("arbiter", sidestep_arbiter::run),
+    ("recorder", sidestep_recorder::run),
+];
+
+/// Runs a node until it is asked to stop.
+///
+/// # Errors
+/// Exit code 2 for a name that is no node or a configuration that it refuses, 3 where input or output fail.
+pub(crate) fn run_node(name: &str) -> Result<(), Failure> {
+    let role = ROLES.iter().find(|(role, _)| *role == name).ok_or_else(|| {
+        let names: Vec<_> = ROLES.iter().map(|(role, _)| *role).collect();
+        Failure::usage(format!("no node is named {name}; one of: {}", names.join(", ")))
+    })?;
+    let boot = Boot::from_environment(name)?;
+    Ok(role.1(&boot)?)
+}
+
+/// Cleans up after killed nodes, in a process of its own.
+///
+/// # Errors
+/// Exit code 3 where something could not be cleaned.
+pub(crate) fn run_sweeper() -> Result<(), Failure> {
+    let text = |name: &'static str| {
+        std::env::var(name).map_err(|_| Failure::usage(format!("{name} is not set; the launcher sets it")))
+    };
+    let domain = DomainName { prefix: text(environment::DOMAIN)?, root: text(environment::ROOT)?.into() };
+    Ok(sweep(&domain)?)
+}
