@@ -1,1 +1,44 @@
-//! sidestep-sim
+//! The simulated robot: it stands where camera, base and localiser will stand.
+//!
+//! A [`World`] of upright blocks and columns, a [`Simulator`] with the dynamics of a small differential drive, a
+//! stereo camera, a lidar, ultrasonic sensors, odometry that drifts, and people. Time and commands come from outside;
+//! the same seed and the same calls give the same bytes. The node publishes all that in real time.
+
+mod barn;
+mod base;
+mod config;
+#[cfg(test)]
+mod fixtures;
+mod generated;
+mod motion;
+mod office;
+mod people;
+mod planar;
+mod random;
+mod raster;
+mod ros_map;
+mod simulator;
+#[cfg(test)]
+mod simulator_tests;
+mod solid;
+mod stereo;
+mod world;
+mod world_file;
+
+pub use barn::{barn_selection, barn_worlds};
+pub use config::{Config, ConfigError};
+pub use office::FREE_M;
+pub use people::Walker;
+pub use simulator::Simulator;
+pub use solid::{Outline, Solid};
+pub use world::{CLEARANCE_MAX_M, World, WorldError, resample};
+
+/// The folder of real data, or `None` with a line that says so.
+#[cfg(test)]
+fn data_folder(test: &str) -> Option<std::path::PathBuf> {
+    let folder = std::env::var_os("SIDESTEP_DATA").map(std::path::PathBuf::from);
+    if folder.is_none() {
+        println!("skipped: SIDESTEP_DATA is not set ({test})");
+    }
+    folder
+}
