@@ -1,1 +1,10 @@
-//! tests
+//! Scenario tests: the binary as a user runs it, real processes, real shared memory. One index, one binary.
+
+// The rules of the house, read from the text of the tree.
+mod tidy;
+
+// What every scenario needs: the binary, its summary, processes by name, time limits.
+mod harness;
+
+// Messages of the command line: every error a user can cause, with its exit code.
+mod command_line;

@@ -1,0 +1,111 @@
+//! Runs the binary as a user would, with a limit in time, and reads its summary.
+
+use serde_json::Value;
+use std::io::Read;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// Time after which a command that should have ended is killed and the test fails.
+const WATCHDOG: Duration = Duration::from_secs(180);
+
+/// What a command printed and how it ended.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    /// Exit code; -1 for a signal.
+    pub(crate) code: i32,
+    /// Standard output.
+    pub(crate) out: String,
+    /// Standard error.
+    pub(crate) err: String,
+}
+
+/// A folder that is removed at the end of the test.
+#[derive(Debug)]
+pub(crate) struct Folder(pub(crate) PathBuf);
+
+impl Folder {
+    pub(crate) fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("sidestep-test-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    pub(crate) fn join(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    /// Writes a file and returns its path as text.
+    pub(crate) fn write(&self, name: &str, text: &str) -> String {
+        let path = self.join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The command with its arguments, in the repository's root.
+pub(crate) fn sidestep(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sidestep"));
+    command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null());
+    command
+}
+
+/// Waits for a child with the watchdog and gathers what it printed.
+pub(crate) fn finish(mut child: Child) -> Outcome {
+    let mut out = child.stdout.take().unwrap();
+    let mut err = child.stderr.take().unwrap();
+    let reader = std::thread::spawn(move || {
+        let mut text = String::new();
+        let _ = out.read_to_string(&mut text);
+        text
+    });
+    let errors = std::thread::spawn(move || {
+        let mut text = String::new();
+        let _ = err.read_to_string(&mut text);
+        text
+    });
+    let deadline_ns = sidestep_bus::host_ns() + WATCHDOG.as_nanos() as u64;
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if sidestep_bus::host_ns() > deadline_ns {
+            let _ = child.kill();
+            let _ = child.wait();
+            panic!("not ended after {WATCHDOG:?}:\n{}{}", reader.join().unwrap(), errors.join().unwrap());
+        }
+        sidestep_bus::pause(Duration::from_millis(5));
+    };
+    Outcome { code: status.code().unwrap_or(-1), out: reader.join().unwrap(), err: errors.join().unwrap() }
+}
+
+/// Runs a command to its end.
+pub(crate) fn run(arguments: &[&str]) -> Outcome {
+    let child = sidestep(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    finish(child)
+}
+
+/// Runs `sidestep ARGUMENTS --json FILE` and returns the outcome with the summary.
+pub(crate) fn run_with_summary(name: &str, arguments: &[&str]) -> (Outcome, Value) {
+    let folder = Folder::new(name);
+    let json = folder.join("summary.json").display().to_string();
+    let outcome = run(&[arguments, &["--json", &json]].concat());
+    let text = std::fs::read_to_string(&json).unwrap_or_else(|_| panic!("no summary: {}{}", outcome.out, outcome.err));
+    (outcome, serde_json::from_str(&text).unwrap())
+}
+
+/// The folder of data made by others, or `None` with a line that says what was skipped.
+pub(crate) fn data(what: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("SIDESTEP_DATA").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("skipped: {what}: SIDESTEP_DATA is not set to the folder of shared data");
+    }
+    folder
+}
