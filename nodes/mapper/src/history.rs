@@ -1,0 +1,156 @@
+//! Where the robot was: odometry of the last moments, so that a frame is placed at its capture stamp and not at its
+//! arrival, and how much the pose may have drifted meanwhile.
+
+use sidestep_msgs::{Odometry, Pose2, Robot, Status, Twist};
+
+/// Samples kept: 0.64 s at 100 Hz.
+pub(crate) const SAMPLES: usize = 64;
+/// [ns] longest extrapolation beyond the newest sample (SPEC section 3).
+const EXTRAPOLATE_MAX_NS: u64 = 20_000_000;
+/// [m] and [m/s]: a step longer and faster than this is a jump that nobody announced.
+const JUMP_M: f64 = 0.3;
+const JUMP_M_S: f64 = 10.0;
+
+/// One moment of the body.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Zeroable, bytemuck::Pod)]
+#[repr(C)]
+pub(crate) struct Sample {
+    /// [ns] graph time.
+    pub(crate) stamp_ns: u64,
+    /// Pose of `base` in `odom`.
+    pub(crate) pose: Pose2,
+    /// Velocity in `base`.
+    pub(crate) twist: Twist,
+    /// [rad] roll of `body`.
+    pub(crate) roll_rad: f32,
+    /// [rad] pitch of `body`, nose down positive.
+    pub(crate) pitch_rad: f32,
+}
+
+/// What a new odometry message means for the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Arrival {
+    /// Taken.
+    Continuous,
+    /// Taken, and the pose jumped: what was placed before is void.
+    Jumped,
+    /// Not usable.
+    Ignored,
+}
+
+/// The ring of samples with the drift accumulated over them.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Zeroable, bytemuck::Pod)]
+#[repr(C)]
+pub(crate) struct History {
+    /// [m] pose error expected to have accumulated since the start.
+    pub(crate) drift_m: f64,
+    /// Pose epoch of all samples.
+    pub(crate) pose_epoch: u32,
+    /// 1 when the newest message was not finite.
+    unfit: u32,
+    count: u64,
+    next: u64,
+    samples: [Sample; SAMPLES],
+}
+
+impl History {
+    pub(crate) fn new() -> Self {
+        bytemuck::Zeroable::zeroed()
+    }
+
+    fn sample(&self, back: u64) -> &Sample {
+        &self.samples[(self.next + SAMPLES as u64 - 1 - back) as usize % SAMPLES]
+    }
+
+    /// Takes one message.
+    pub(crate) fn push(&mut self, odometry: &Odometry, robot: &Robot, lever_m: f32) -> Arrival {
+        let attitude = odometry.roll_rad.abs().max(odometry.pitch_rad.abs());
+        let within = odometry.pose.x_m.abs() < 1e6 && odometry.pose.y_m.abs() < 1e6 && attitude < 1.5;
+        let attitude_finite = odometry.roll_rad.is_finite() && odometry.pitch_rad.is_finite();
+        if !(odometry.pose.is_finite() && odometry.twist.is_finite() && attitude_finite && within) {
+            self.unfit = 1;
+            return Arrival::Ignored;
+        }
+        self.unfit = 0;
+        let mut arrival = Arrival::Continuous;
+        if self.count > 0 {
+            let last = *self.sample(0);
+            if odometry.pose_epoch != self.pose_epoch {
+                arrival = Arrival::Jumped;
+            } else if odometry.stamp_ns <= last.stamp_ns {
+                return Arrival::Ignored;
+            } else {
+                let step_m = last.pose.distance_m(&odometry.pose);
+                let step_s = (odometry.stamp_ns - last.stamp_ns) as f64 * 1e-9;
+                if step_m > JUMP_M && step_m > JUMP_M_S * step_s {
+                    arrival = Arrival::Jumped;
+                }
+                let turn = sidestep_msgs::wrap_angle(odometry.pose.yaw_rad - last.pose.yaw_rad).abs();
+                let start = &robot.start;
+                self.drift_m += f64::from(start.drift_per_m) * step_m
+                    + f64::from(start.drift_per_rad) * f64::from(lever_m) * turn;
+            }
+        }
+        if arrival == Arrival::Jumped {
+            self.count = 0;
+        }
+        self.pose_epoch = odometry.pose_epoch;
+        self.samples[self.next as usize % SAMPLES] = Sample {
+            stamp_ns: odometry.stamp_ns,
+            pose: odometry.pose,
+            twist: odometry.twist,
+            roll_rad: odometry.roll_rad,
+            pitch_rad: odometry.pitch_rad,
+        };
+        self.next = (self.next + 1) % SAMPLES as u64;
+        self.count = (self.count + 1).min(SAMPLES as u64);
+        arrival
+    }
+
+    /// The body at a stamp: interpolated between samples, or extrapolated by at most 20 ms beyond the newest.
+    pub(crate) fn at(&self, stamp_ns: u64, gap_s: f32) -> Result<Sample, Status> {
+        let missing = if self.unfit != 0 { Status::RefusedPose } else { Status::RefusedOdometry };
+        if self.count == 0 {
+            return Err(missing);
+        }
+        let newest = self.sample(0);
+        if stamp_ns >= newest.stamp_ns {
+            let ahead_ns = stamp_ns - newest.stamp_ns;
+            if ahead_ns > EXTRAPOLATE_MAX_NS {
+                return Err(missing);
+            }
+            let pose = newest.pose.advance(&newest.twist, ahead_ns as f64 * 1e-9);
+            return Ok(Sample { stamp_ns, pose, ..*newest });
+        }
+        for back in 1..self.count {
+            let (before, after) = (self.sample(back), self.sample(back - 1));
+            if stamp_ns < before.stamp_ns {
+                continue;
+            }
+            if stamp_ns == before.stamp_ns {
+                return Ok(*before);
+            }
+            let span_ns = after.stamp_ns - before.stamp_ns;
+            if span_ns as f64 > f64::from(gap_s) * 1e9 {
+                return Err(Status::RefusedOdometry);
+            }
+            let part = (stamp_ns - before.stamp_ns) as f64 / span_ns as f64;
+            let mix = |a: f32, b: f32| a + (b - a) * part as f32;
+            return Ok(Sample {
+                stamp_ns,
+                pose: before.pose.interpolate(&after.pose, part),
+                twist: after.twist,
+                roll_rad: mix(before.roll_rad, after.roll_rad),
+                pitch_rad: mix(before.pitch_rad, after.pitch_rad),
+            });
+        }
+        Err(Status::RefusedOdometry)
+    }
+
+    /// Whether counters read from outside can be trusted as indices and the numbers are finite.
+    pub(crate) fn is_sound(&self) -> bool {
+        let ring = self.count <= SAMPLES as u64 && self.next < SAMPLES as u64;
+        let finite = |s: &Sample| s.pose.is_finite() && s.roll_rad.is_finite() && s.pitch_rad.is_finite();
+        ring && self.drift_m.is_finite() && self.samples.iter().all(|s| finite(s) && s.twist.is_finite())
+    }
+}

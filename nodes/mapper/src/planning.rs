@@ -1,0 +1,142 @@
+//! The planning cost m_o of eq. (3): occupancy widened by the robot, since eq. (6) moves a point.
+
+use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE};
+
+/// Cost of a cell that was never seen: 0.3, below the limit 0.4 of the expert.
+pub const UNKNOWN_COST: u8 = 77;
+/// Occupancy below this (0.35) counts as free and is not widened: one clear sighting of the floor is enough.
+pub const CLEAR_BELOW: u8 = 90;
+/// [m] beyond the half-width, over which the weight falls to zero.
+const FALL_M: f32 = 0.165;
+/// Cells by which the kernel may reach: half-widths up to 0.9 m.
+const REACH_MAX: usize = 10;
+const PADDED: usize = LOCAL_SIDE + 2 * REACH_MAX;
+
+/// Weight, in 1/256, of an obstacle at a distance from a cell: 1 up to the half-width, then falling linearly to 0.
+fn weight(distance_m: f32, half_width_m: f32) -> u16 {
+    let part = 1.0 - (distance_m - half_width_m) / FALL_M;
+    (part.clamp(0.0, 1.0) * 256.0 + 0.5) as u16
+}
+
+/// Fills `out` with max over known cells k of P(k) w(|c - k|), and at least 0.3 where the cell itself is unknown.
+///
+/// The same function makes the bytes that the robot drives by and those that a network is trained with.
+pub fn planning_cost(
+    occupancy: &[u8; LOCAL_CELLS],
+    age: &[u8; LOCAL_CELLS],
+    half_width_m: f32,
+    out: &mut [u8; LOCAL_CELLS],
+) {
+    let mut padded = [[0u16; PADDED]; PADDED];
+    for (index, (&occupancy, &age)) in occupancy.iter().zip(age).enumerate() {
+        let known = age != AGE_NEVER && occupancy >= CLEAR_BELOW;
+        padded[REACH_MAX + index / LOCAL_SIDE][REACH_MAX + index % LOCAL_SIDE] =
+            if known { u16::from(occupancy) } else { 0 };
+    }
+    let mut cost = [[0u16; LOCAL_SIDE]; LOCAL_SIDE];
+    for down in 0..=2 * REACH_MAX {
+        for right in 0..=2 * REACH_MAX {
+            let (dy, dx) = (down as f32 - REACH_MAX as f32, right as f32 - REACH_MAX as f32);
+            let distance_m = LOCAL_GRID.cell_m * (dx * dx + dy * dy).sqrt();
+            let weight = weight(distance_m, half_width_m);
+            if weight == 0 {
+                continue;
+            }
+            for (row, cost) in cost.iter_mut().enumerate() {
+                let near = &padded[row + down][right..right + LOCAL_SIDE];
+                for (cost, &near) in cost.iter_mut().zip(near) {
+                    // 255 * 256 is the largest product and fits.
+                    *cost = (*cost).max((near * weight) >> 8);
+                }
+            }
+        }
+    }
+    for ((out, cost), &age) in out.iter_mut().zip(cost.as_flattened()).zip(age) {
+        let least = if age == AGE_NEVER { UNKNOWN_COST } else { 0 };
+        *out = (*cost as u8).max(least);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const HALF_WIDTH_M: f32 = 0.285;
+
+    fn cost_of(occupancy: &[u8; LOCAL_CELLS], age: &[u8; LOCAL_CELLS]) -> [u8; LOCAL_CELLS] {
+        let mut out = [0; LOCAL_CELLS];
+        planning_cost(occupancy, age, HALF_WIDTH_M, &mut out);
+        out
+    }
+
+    /// One occupied cell; every cost must be the closed form of its distance.
+    #[test]
+    fn a_single_obstacle_falls_off_as_the_formula_says() {
+        let mut occupancy = [0; LOCAL_CELLS];
+        occupancy[14 * LOCAL_SIDE + 14] = 255;
+        let cost = cost_of(&occupancy, &[0; LOCAL_CELLS]);
+        for (index, &cost) in cost.iter().enumerate() {
+            let (dy, dx) = ((index / LOCAL_SIDE) as f32 - 14.0, (index % LOCAL_SIDE) as f32 - 14.0);
+            let distance_m = 0.1 * libm::hypotf(dx, dy);
+            let expected = 255.0 * (1.0 - (distance_m - HALF_WIDTH_M) / 0.165).clamp(0.0, 1.0);
+            assert!((f32::from(cost) - expected).abs() < 1.5, "at {distance_m} m: {cost}, not {expected}");
+        }
+    }
+
+    /// Walls with a gap of eight cells; the middle stays below the limit 0.4. With seven cells it does not.
+    #[test]
+    fn a_door_of_80_cm_stays_open_and_one_of_60_cm_is_closed() {
+        for (gap, open) in [(8, true), (6, false)] {
+            let mut occupancy = [0; LOCAL_CELLS];
+            for col in 0..LOCAL_SIDE {
+                if !(10..10 + gap).contains(&col) {
+                    occupancy[10 * LOCAL_SIDE + col] = 255;
+                }
+            }
+            let cost = cost_of(&occupancy, &[0; LOCAL_CELLS]);
+            let least = cost[10 * LOCAL_SIDE..11 * LOCAL_SIDE].iter().min().unwrap();
+            assert_eq!(*least < 102, open, "gap {gap}: least cost {least}");
+        }
+    }
+
+    #[test]
+    fn unknown_costs_a_third_and_is_not_widened() {
+        let mut age = [0; LOCAL_CELLS];
+        age[5 * LOCAL_SIDE + 5] = AGE_NEVER;
+        let cost = cost_of(&[128; LOCAL_CELLS].map(|_: u8| 0), &age);
+        assert_eq!(cost[5 * LOCAL_SIDE + 5], UNKNOWN_COST);
+        assert_eq!(cost.iter().filter(|&&cost| cost > 0).count(), 1);
+        let all_unknown = cost_of(&[128; LOCAL_CELLS], &[AGE_NEVER; LOCAL_CELLS]);
+        assert!(all_unknown.iter().all(|&cost| cost == UNKNOWN_COST));
+    }
+
+    proptest! {
+        /// Compares with the formula of SPEC section 3 written as four loops.
+        #[test]
+        fn the_fast_form_equals_the_formula(seed in any::<u64>(), half_width_m in 0.1f32..0.6) {
+            let mut state = seed;
+            let mut draw = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 56) as u8
+            };
+            let occupancy: [u8; LOCAL_CELLS] = std::array::from_fn(|_| if draw() < 40 { draw() } else { 20 });
+            let age: [u8; LOCAL_CELLS] = std::array::from_fn(|_| if draw() < 60 { AGE_NEVER } else { 3 });
+            let mut out = [0; LOCAL_CELLS];
+            planning_cost(&occupancy, &age, half_width_m, &mut out);
+            for c in 0..LOCAL_CELLS {
+                let mut expected = if age[c] == AGE_NEVER { 77.0f32 } else { 0.0 };
+                for k in 0..LOCAL_CELLS {
+                    if age[k] == AGE_NEVER || occupancy[k] < CLEAR_BELOW {
+                        continue;
+                    }
+                    let dy = (c / LOCAL_SIDE) as f32 - (k / LOCAL_SIDE) as f32;
+                    let dx = (c % LOCAL_SIDE) as f32 - (k % LOCAL_SIDE) as f32;
+                    let fall = 1.0 - (0.1 * libm::hypotf(dx, dy) - half_width_m) / 0.165;
+                    expected = expected.max(f32::from(occupancy[k]) * fall.clamp(0.0, 1.0));
+                }
+                prop_assert!((f32::from(out[c]) - expected).abs() < 1.6, "cell {}: {} not {}", c, out[c], expected);
+            }
+        }
+    }
+}
