@@ -12,7 +12,7 @@ const STARTS: usize = 4;
 /// Candidates differ when a number of theirs differs by this part of its range.
 const DISTINCT: f32 = 0.2;
 /// Rounds of sixteen probes per start of a solved plan.
-const SOLVED_ROUNDS: usize = 40;
+const SOLVED_ROUNDS: usize = 80;
 /// Groups of sixteen candidates beside the seed of a refined plan.
 const REFINED_GROUPS: usize = 3;
 /// Rounds of sixteen probes of a refined plan: with the groups and the seed's own, a quarter of 734 evaluations.

@@ -7,6 +7,8 @@ use sidestep_msgs::{Limits, Twist};
 
 /// Largest step of the search, as part of the range.
 const STEP_FIRST: f32 = 0.25;
+/// The step shrinks by this where no probe of a round is better.
+const SHRINK: f32 = 0.6;
 /// Below this step the search has converged.
 const STEP_LAST: f32 = 0.004;
 
@@ -19,37 +21,34 @@ pub(crate) struct Scored {
     pub(crate) worst: f32,
 }
 
-/// The direction of probe `lane`, as parts of the range of (v, w) per piece.
-///
-/// Each of the six numbers up and down, then all speeds and all turn rates together.
-const fn direction(lane: usize) -> [[f32; 2]; PIECES] {
-    let sign = if lane % 2 == 0 { 1.0 } else { -1.0 };
-    let mut parts = [[0.0; 2]; PIECES];
-    let number = lane / 2;
-    if number < 2 * PIECES {
-        parts[number / 2][number % 2] = sign;
-    } else {
-        let mut piece = 0;
-        while piece < PIECES {
-            parts[piece][number - 2 * PIECES] = sign;
-            piece += 1;
-        }
-    }
-    parts
-}
+/// Parts of the range by which a probe moves (v, w) of each piece.
+type Direction = [[f32; 2]; PIECES];
 
-/// The directions of all probes.
-const DIRECTIONS: [[[f32; 2]; PIECES]; LANES] = {
-    let mut all = [[[0.0; 2]; PIECES]; LANES];
-    let mut lane = 0;
-    while lane < LANES {
-        all[lane] = direction(lane);
-        lane += 1;
-    }
-    all
-};
+/// Directions of even rounds: each of the six numbers alone, all speeds, all turn rates. Both ways each.
+const ALONE: [Direction; LANES / 2] = [
+    [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
+    [[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]],
+    [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]],
+    [[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]],
+    [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]],
+    [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]],
+    [[1.0, 0.0], [1.0, 0.0], [1.0, 0.0]],
+    [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]],
+];
 
-fn moved(pieces: &Pieces, parts: &[[f32; 2]; PIECES], step: f32, limits: &Limits) -> Pieces {
+/// Directions of odd rounds: numbers that trade with each other. Both ways each.
+const TOGETHER: [Direction; LANES / 2] = [
+    [[0.0, 1.0], [0.0, -1.0], [0.0, 0.0]],
+    [[0.0, 0.0], [0.0, 1.0], [0.0, -1.0]],
+    [[0.0, 1.0], [0.0, 1.0], [0.0, 0.0]],
+    [[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]],
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]],
+    [[1.0, 0.0], [1.0, 0.0], [0.0, 0.0]],
+    [[1.0, 1.0], [0.0, 0.0], [0.0, 0.0]],
+    [[1.0, -1.0], [0.0, 0.0], [0.0, 0.0]],
+];
+
+fn moved(pieces: &Pieces, parts: &Direction, step: f32, limits: &Limits) -> Pieces {
     std::array::from_fn(|piece| {
         let [v, w] = parts[piece];
         Twist::new(
@@ -80,12 +79,14 @@ pub(crate) fn improve(
 ) -> usize {
     let (mut group, mut scores) = ([Group::STOP], [Scores::NONE]);
     let mut step = STEP_FIRST;
+    let mut directions = [&ALONE, &TOGETHER];
     for round in 0..rounds {
         if step < STEP_LAST {
             return round;
         }
-        for (lane, parts) in DIRECTIONS.iter().enumerate() {
-            group[0].set(lane, &moved(&start.pieces, parts, step, limits));
+        for (number, parts) in directions[0].iter().enumerate() {
+            group[0].set(2 * number, &moved(&start.pieces, parts, step, limits));
+            group[0].set(2 * number + 1, &moved(&start.pieces, parts, -step, limits));
         }
         kernel.evaluate(problem, &group, &mut scores);
         let lane = best_lane(&scores[0]);
@@ -96,7 +97,8 @@ pub(crate) fn improve(
                 worst: scores[0].worst[lane],
             };
         } else {
-            step *= 0.5;
+            step *= SHRINK;
+            directions.swap(0, 1);
         }
     }
     rounds
