@@ -4,9 +4,12 @@
 //! when each is due. A file that was cut is read up to its last whole chunk; damaged and hostile files end in a clear
 //! error and never in a panic or a large allocation.
 
+mod config;
 mod error;
+mod feed;
 mod info;
 mod message;
+mod node;
 mod recording;
 mod scan;
 mod schedule;
@@ -14,8 +17,11 @@ mod schedule;
 #[cfg(test)]
 mod tests;
 
+pub use config::Config;
 pub use error::PlayerError;
+pub use feed::{Feed, Next, PLAYED, Played};
 pub use info::{ChannelInfo, Info, attachment};
 pub use message::Entry;
+pub use node::run;
 pub use recording::{Messages, Ordered};
 pub use schedule::Schedule;

@@ -1,6 +1,6 @@
 //! What the recorder wrote, the player reads: exactly, in order, and as far as a damaged file goes.
 
-use crate::{Entry, Info, Messages, Ordered, PlayerError, attachment};
+use crate::{Entry, Feed, Info, Messages, Next, Ordered, Played, PlayerError, attachment};
 use sidestep_msgs::{DEPTH, DEPTH_REST_BYTES, DepthFrame, Header, Message, TOPICS, TopicRow, topic_named};
 use sidestep_recorder::{Origin, Writer};
 use std::collections::BTreeMap;
@@ -304,4 +304,34 @@ fn foreign_files_are_described_but_not_played() {
     }
     println!("{files} foreign files");
     assert!(files > 3);
+}
+
+#[test]
+fn playback_gives_the_drivers_topics_from_the_start_and_the_path_that_held_there() {
+    let row = |name| topic_named(name).unwrap();
+    let send =
+        |name, sequence, now_ns| (row(name), header(sequence, now_ns), vec![0; row(name).size], now_ns);
+    let made = [
+        send("path", 1, 100),
+        send("path", 2, 110),
+        send("odometry", 1, 120),
+        send("command", 1, 150),
+        send("odometry", 2, 160),
+        send("truth", 1, 170),
+        send("odometry", 3, 180),
+    ];
+    let file = Scratch::new("played", &record(&made, &[]));
+    let from = |offset_ns| -> Vec<_> {
+        let played = Played::open(&file.0, offset_ns).unwrap().map(Result::unwrap);
+        played.map(|entry| (entry.row().name, entry.header.sequence, entry.header.now_ns)).collect()
+    };
+    assert_eq!(from(60), [("path", 2, 160), ("odometry", 2, 160), ("odometry", 3, 180)]);
+    assert_eq!(from(0).len(), 5);
+    let mut feed = Feed::start(&file.0, 60, true).unwrap();
+    let mut jumps = 0;
+    for _ in 0..12 {
+        feed.peek().unwrap().unwrap();
+        jumps += u32::from(matches!(feed.take(), Some(Next::Jump)));
+    }
+    assert_eq!(jumps, 3, "each pass of one jump and three messages");
 }

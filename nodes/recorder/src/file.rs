@@ -91,6 +91,12 @@ impl Writer<DiskFile> {
         Self::new(file, &name, origin)
     }
 
+    /// The name that the file will have when it is complete.
+    #[must_use]
+    pub fn path(&self) -> PathBuf {
+        PathBuf::from(self.name()).with_extension("")
+    }
+
     /// Ends the recording and gives the file its name, which is returned.
     ///
     /// # Errors
@@ -116,6 +122,7 @@ mod tests {
         let wanted = folder.join("deep/drive.mcap");
         let first = Writer::create(&wanted, &Origin::default()).unwrap();
         assert!(folder.join("deep/drive.mcap.active").exists() && !wanted.exists());
+        assert_eq!(first.path(), wanted);
         assert_eq!(first.complete(&[]).unwrap(), wanted);
         let second = Writer::create(&wanted, &Origin::default()).unwrap();
         assert_eq!(second.complete(&[]).unwrap(), folder.join("deep/drive-2.mcap"));

@@ -70,6 +70,8 @@ pub struct Queue {
     large: Free,
     /// By topic of the table; the writer thread puts it into the file at the end.
     lost: Arc<[AtomicU64]>,
+    /// Incarnation and sequence of the last message offered, by topic.
+    last: Vec<Option<(u32, u64)>>,
     broken: Arc<AtomicBool>,
     thread: JoinHandle<Result<Report, RecordError>>,
 }
@@ -137,11 +139,12 @@ impl Queue {
             Ok(Report { path, written })
         });
         let thread = thread.map_err(|error| RecordError::Thread(error.to_string()))?;
-        Ok(Self { waiting, small, large, lost, broken, thread })
+        let last = vec![None; TOPICS.len()];
+        Ok(Self { waiting, small, large, lost, last, broken, thread })
     }
 
     /// Takes a message for the disk; `false` where it is lost because too many wait or the recording has ended.
-    pub fn offer(&self, row: &TopicRow, header: &Header, message: &[u8], received_ns: u64) -> bool {
+    pub fn offer(&mut self, row: &TopicRow, header: &Header, message: &[u8], received_ns: u64) -> bool {
         assert_eq!(message.len(), row.size, "a message of {} has another size", row.name);
         let pool = if size_of::<Header>() + message.len() <= SMALL_BYTES { &self.small } else { &self.large };
         let taken = !self.has_failed()
@@ -151,13 +154,16 @@ impl Queue {
                 bytes.extend_from_slice(message);
                 self.waiting.try_send(Waiting { topic: row.index, received_ns, bytes }).is_ok()
             });
-        self.missed(row, u64::from(!taken));
+        let gap = self.gap(row, header);
+        self.lost[row.index].fetch_add(gap + u64::from(!taken), Ordering::Relaxed);
         taken
     }
 
-    /// Counts messages that were gone before they could be offered.
-    pub fn missed(&self, row: &TopicRow, count: u64) {
-        self.lost[row.index].fetch_add(count, Ordering::Relaxed);
+    /// Messages of a topic between the last one offered and this one, gone before they could be offered.
+    fn gap(&mut self, row: &TopicRow, header: &Header) -> u64 {
+        let place = (header.incarnation, header.sequence);
+        let (incarnation, sequence) = self.last[row.index].replace(place).unwrap_or(place);
+        if incarnation == header.incarnation { header.sequence.saturating_sub(sequence + 1) } else { 0 }
     }
 
     /// Messages lost so far, by topic of the table.
@@ -227,7 +233,7 @@ mod tests {
 
     #[test]
     fn a_full_disk_ends_the_recording_with_a_message_and_never_the_one_who_offers() {
-        let queue = queue(disk(100_000));
+        let mut queue = queue(disk(100_000));
         let noise: Vec<u8> =
             (0..DEPTH.row().size as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
         while !queue.has_failed() {
@@ -247,10 +253,22 @@ mod tests {
     }
 
     #[test]
+    fn a_gap_in_the_sequence_counts_as_lost_and_a_restart_does_not() {
+        let mut queue = queue(disk(usize::MAX));
+        let row = topic_named("command").unwrap();
+        for (incarnation, sequence) in [(0, 5), (0, 6), (0, 9), (1, 1), (1, 2)] {
+            let header = Header { incarnation, sequence, ..Header::default() };
+            queue.offer(row, &header, &vec![0; row.size], 1);
+        }
+        assert_eq!(queue.lost()[row.index], 2);
+        assert!(queue.stop().is_ok());
+    }
+
+    #[test]
     fn a_disk_that_stands_still_costs_messages_and_they_are_counted() {
         let disk = disk(usize::MAX);
         let gate = Arc::clone(&disk.gate);
-        let queue = queue(disk);
+        let mut queue = queue(disk);
         let held = gate.lock().unwrap();
         let row = topic_named("command").unwrap();
         let offered = 50;

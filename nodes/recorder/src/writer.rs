@@ -201,6 +201,12 @@ impl<W: Write> Writer<W> {
         self.mcap.flush().map_err(|error| RecordError::write(&self.name, &error))
     }
 
+    /// The name that messages about this recording use.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// Messages written so far.
     #[must_use]
     pub fn written(&self) -> u64 {
