@@ -7,7 +7,7 @@
 //! standard deviations of the stereo noise.
 
 use crate::config::Config;
-use crate::grid::{BANDS, CELL_M, CELLS, Grid, SIDE};
+use crate::grid::{ALL_BANDS, BANDS, CELL_M, CELLS, Grid, OVERHANG, SIDE};
 use crate::projection::{CLASSES, Columns, Counts, Lens, new_counts};
 use sidestep_msgs::DepthFrame;
 
@@ -184,7 +184,7 @@ fn trust_at(lens: &Lens, depth_m: f32) -> f32 {
     1.0 / (1.0 + spread * spread).sqrt()
 }
 
-/// The height bands with support of their own; at least the strongest.
+/// The height bands with support of their own, at least the strongest; an overhang where the lowest has none.
 fn seen_bands(counts: [u32; BANDS], needed: f32) -> u8 {
     let most = counts.iter().copied().fold(0, u32::max);
     let mut bands = 0;
@@ -193,16 +193,19 @@ fn seen_bands(counts: [u32; BANDS], needed: f32) -> u8 {
             bands |= 1 << band;
         }
     }
-    bands
+    if bands & 1 == 0 { bands | OVERHANG } else { bands }
 }
 
 /// Whether rays pass through a cell at all heights from the floor cut up to the top of the bands held there (of the
 /// whole band where none is held), each ending clearly behind it. A third of the pixels may be without measurement.
+/// What stood on the floor is gone when its lower part is, so that its upper part may be out of view; an overhang may not.
 fn looked_through(frame: &DepthFrame, lens: &Lens, config: &Config, cell: u32, bands: u8) -> bool {
     let (x, y) = place(cell);
     let (x, y) = (x as f32 + 0.5, y as f32 + 0.5);
-    let highest = if bands == 0 { BANDS } else { 8 - bands.leading_zeros() as usize };
-    let top_m = config.band_top_m * highest.min(BANDS) as f32 / BANDS as f32;
+    let highest = if bands == 0 { BANDS } else { 8 - (bands & ALL_BANDS).leading_zeros() as usize };
+    let stood = bands & ALL_BANDS != 0 && bands & OVERHANG == 0;
+    let third_m = config.band_top_m / BANDS as f32;
+    let top_m = third_m * highest as f32;
     let depth_m = lens.depth_m(x, y, 0.0);
     if depth_m > config.far_m {
         return false;
@@ -213,7 +216,9 @@ fn looked_through(frame: &DepthFrame, lens: &Lens, config: &Config, cell: u32, b
     let mut unmeasured = 0;
     for step in 0..=steps {
         let height_m = bottom_m + (top_m - bottom_m) * step as f32 / steps as f32;
-        let Some((pixel, depth_m)) = lens.pixel(x, y, height_m) else { return false };
+        let Some((pixel, depth_m)) = lens.pixel(x, y, height_m) else {
+            return stood && height_m > third_m;
+        };
         let raw = frame.pixels.get(pixel).copied().unwrap_or(0);
         if raw == 0 || raw == u16::MAX {
             unmeasured += 1;

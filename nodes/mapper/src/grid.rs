@@ -17,6 +17,8 @@ pub(crate) const CELLS: usize = SIDE * SIDE;
 pub(crate) const BANDS: usize = 3;
 /// Every height band.
 pub(crate) const ALL_BANDS: u8 = 0b111;
+/// Beside the bands: in some look only what is above the lowest band was seen, as of a table top.
+pub(crate) const OVERHANG: u8 = 0b1000;
 
 /// When and after how much drift something was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,7 +74,7 @@ pub(crate) struct Grid {
     pub(crate) seen_tick: Vec<u32>,
     /// [m] drift when last seen.
     pub(crate) drift_m: Vec<f32>,
-    /// Height bands in which an obstacle was seen since the cell was last free.
+    /// Height bands in which an obstacle was seen since the cell was last free, and [`OVERHANG`].
     pub(crate) bands: Vec<u8>,
     /// [10 ms] when an ultrasonic sensor last marked the cell; 0 = not marked.
     pub(crate) sonar_tick: Vec<u32>,

@@ -8,8 +8,6 @@ use crate::config::Config;
 use crate::grid::{CELL_M, Grid, Moment, SIDE};
 use sidestep_msgs::{Pose2, RANGES_MAX, Range, Ranges};
 
-/// Part of the cone in which a sensor is trusted to see past a mark.
-const SEES_PAST_PART: f32 = 0.8;
 /// [m] what the sensor must see past a mark.
 const SEES_PAST_M: f32 = 0.1;
 
@@ -39,22 +37,19 @@ fn mark(range: &Range, pose: &Pose2, config: &Config, now: &Moment, grid: &mut G
     let marks = range.range_m < config.sonar_below_m;
     let past_m = range.range_m.min(range.far_m.max(0.0)).min(3.0) - SEES_PAST_M;
     let reach = (config.sonar_below_m + 2.0 * cell_m) / cell_m;
-    let edge = libm::cosf(0.5 * range.field_of_view_rad);
-    let trusted = libm::cosf(0.5 * SEES_PAST_PART * range.field_of_view_rad);
+    let (edge_sin, edge_cos) = libm::sincosf(0.5 * range.field_of_view_rad);
     let bound = |edge: f32| edge.clamp(0.0, SIDE as f32) as usize;
     for y in bound(sy - reach)..bound(sy + reach + 1.0) {
         for x in bound(sx - reach)..bound(sx + reach + 1.0) {
             let (dx, dy) = ((x as f32 + 0.5 - sx) * cell_m, (y as f32 + 0.5 - sy) * cell_m);
             let distance_m = (dx * dx + dy * dy).sqrt();
-            let ahead = dx * cos + dy * sin;
-            // A cell's half-width more on both sides, so that the arc has no gaps.
-            let on_arc = marks
-                && (distance_m - range.range_m).abs() <= cell_m
-                && ahead + cell_m >= edge * distance_m;
+            let (ahead, aside) = (dx * cos + dy * sin, (dy * cos - dx * sin).abs());
+            // Half a cell more on both sides of the cone, so that the arc has no gaps.
+            let in_cone = ahead > 0.0 && aside * edge_cos - ahead * edge_sin <= 0.5 * cell_m;
             let index = grid.index(x, y);
-            if on_arc {
+            if in_cone && marks && (distance_m - range.range_m).abs() <= cell_m {
                 grid.sonar_tick[index] = now.tick;
-            } else if distance_m < past_m && ahead >= trusted * distance_m {
+            } else if in_cone && distance_m < past_m {
                 grid.sonar_tick[index] = 0;
             }
         }

@@ -18,8 +18,9 @@ const UNKNOWN: u8 = 128;
 const SONAR: u8 = 230;
 /// Steps of the log-odds table per unit.
 const STEPS: f32 = 36.0;
-/// Samples along a side of a cell of the local map: closer than grid cells, so that none is missed.
-const SAMPLES: usize = 3;
+/// Samples along a side of a cell of the local map: closer than grid cells, so that none is missed, and even, so that
+/// none lies on the edge of a grid cell when both grids are aligned.
+const SAMPLES: usize = 4;
 /// [cells] added to the half-extent of a safety cell for the rounding of `f32`.
 const SLACK: f32 = 1e-3;
 
@@ -91,11 +92,11 @@ impl View {
         [self.at[0] + cos * x - sin * y, self.at[1] + sin * x + cos * y]
     }
 
-    /// Occupancy and age of the local map: each cell takes nine samples. Its occupancy is the largest that is known, its
+    /// Occupancy and age of the local map: each cell takes sixteen samples. Its occupancy is the largest that is known, its
     /// age the youngest; it is known where most samples are, or where one is occupied.
     pub(crate) fn local(&self, occupancy: &mut [u8; LOCAL_CELLS], age: &mut [u8; LOCAL_CELLS]) {
         let part = LOCAL_GRID.cell_m / SAMPLES as f32;
-        let offset = |k: usize| (k as f32 - 1.0) * part;
+        let offset = |k: usize| (k as f32 - 0.5 * (SAMPLES - 1) as f32) * part;
         for index in 0..LOCAL_CELLS {
             let (x_m, y_m) = LOCAL_GRID.centre(index / LOCAL_SIDE, index % LOCAL_SIDE);
             let (mut most, mut youngest, mut known) = (0, AGE_NEVER, 0);
