@@ -31,15 +31,15 @@ fn office(config: &Config, name: &str) -> Simulator {
 fn depth(bencher: divan::Bencher, width_px: u32) {
     let config = Config { width_px, height_px: width_px * 3 / 4, ..Config::default() };
     let mut simulator = office(&config, "loomo");
-    let mut frame = vec![DepthFrame::default()];
-    bencher.bench_local(move || simulator.render(&mut frame[0]));
+    let mut frame = Box::new(DepthFrame::default());
+    bencher.bench_local(move || simulator.render(&mut frame));
 }
 
 #[divan::bench]
 fn depth_without_noise(bencher: divan::Bencher) {
     let mut simulator = office(&Config { noise: false, ..Config::default() }, "loomo");
-    let mut frame = vec![DepthFrame::default()];
-    bencher.bench_local(move || simulator.render(&mut frame[0]));
+    let mut frame = Box::new(DepthFrame::default());
+    bencher.bench_local(move || simulator.render(&mut frame));
 }
 
 #[divan::bench]

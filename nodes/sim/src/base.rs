@@ -145,8 +145,7 @@ impl Base {
         let w_target = f64::from(target.w_rad_s).clamp(-response.fastest_rad_s, response.fastest_rad_s);
         let lag_s = response.lag_s.max(dt_s);
         let wished = (v_target - self.v_m_s) / lag_s;
-        let most =
-            if wished * self.v_m_s < 0.0 { response.brake_m_s2 } else { response.accelerate_m_s2 };
+        let most = if wished * self.v_m_s < 0.0 { response.brake_m_s2 } else { response.accelerate_m_s2 };
         let acceleration = wished.clamp(-most, most);
         let turn = ((w_target - self.w_rad_s) / lag_s).clamp(-response.turn_rad_s2, response.turn_rad_s2);
         let v_mid = self.v_m_s + 0.5 * acceleration * dt_s;

@@ -1,5 +1,6 @@
 //! What the simulation is asked for.
 
+use crate::world::WorldError;
 use serde::Deserialize;
 
 /// Configuration of the simulator, as the graph file has it.
@@ -29,16 +30,22 @@ pub struct Config {
     pub start: Option<[f64; 3]>,
 }
 
-/// A value of the configuration that cannot be.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("sim: {key} is {found}, needed: {needed}")]
-pub struct ConfigError {
-    /// The key.
-    pub key: &'static str,
-    /// The value.
-    pub found: String,
-    /// The range.
-    pub needed: &'static str,
+/// Why a configuration was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// A value that cannot be.
+    #[error("sim: {key} is {found}, needed: {needed}")]
+    Range {
+        /// The key.
+        key: &'static str,
+        /// The value.
+        found: String,
+        /// The range.
+        needed: &'static str,
+    },
+    /// A world that cannot be had.
+    #[error("sim: {0}")]
+    World(#[from] WorldError),
 }
 
 impl Default for Config {
@@ -64,7 +71,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] with key, value and range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let refuse = |key, found: String, needed| Err(ConfigError { key, found, needed });
+        let refuse = |key, found: String, needed| Err(ConfigError::Range { key, found, needed });
         if self.people > 16 {
             return refuse("people", self.people.to_string(), "0 to 16");
         }
@@ -107,6 +114,6 @@ mod tests {
             let error = case.check().unwrap_err().to_string();
             assert!(error.starts_with("sim: ") && error.contains("needed"), "{error}");
         }
-        assert_eq!(Config::default().check(), Ok(()));
+        assert!(Config::default().check().is_ok());
     }
 }

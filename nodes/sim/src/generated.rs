@@ -28,7 +28,11 @@ impl World {
             let side = if random.unit() < 0.5 { -1.0 } else { 1.0 };
             let y = 0.5 * width + side * random.between(0.0, 0.5 * width - reach);
             let far_wall = if y > 0.5 * width { 0.0 } else { width };
-            let y = if (y - far_wall).abs() - reach < PASSAGE_M { far_wall - side_of(far_wall) * (PASSAGE_M + reach) } else { y };
+            let y = if (y - far_wall).abs() - reach < PASSAGE_M {
+                far_wall - side_of(far_wall) * (PASSAGE_M + reach)
+            } else {
+                y
+            };
             world.solids.push(obstacle(&mut random, [x, y], size));
             x += random.between(1.4, 2.2) / density.max(0.1);
         }
@@ -103,7 +107,8 @@ mod tests {
     fn passable(world: &World, radius_m: f64, size: [f64; 2]) -> bool {
         let cell = 0.05;
         let (nx, ny) = ((size[0] / cell) as usize, (size[1] / cell) as usize);
-        let free = |x: usize, y: usize| world.clearance_m([x as f64 * cell, y as f64 * cell], 3.0) >= radius_m;
+        let free =
+            |x: usize, y: usize| world.clearance_m([x as f64 * cell, y as f64 * cell], 3.0) >= radius_m;
         let end = world.legs_m[0].last().unwrap();
         let goal = ((end[0] / cell) as usize, (end[1] / cell) as usize);
         let start = ((world.start.x_m / cell) as usize, (world.start.y_m / cell) as usize);

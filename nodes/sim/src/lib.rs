@@ -11,12 +11,14 @@ mod config;
 mod fixtures;
 mod generated;
 mod motion;
+mod node;
 mod office;
 mod people;
 mod planar;
 mod random;
 mod raster;
 mod ros_map;
+mod schedule;
 mod simulator;
 #[cfg(test)]
 mod simulator_tests;
@@ -27,6 +29,7 @@ mod world_file;
 
 pub use barn::{barn_selection, barn_worlds};
 pub use config::{Config, ConfigError};
+pub use node::run;
 pub use office::FREE_M;
 pub use people::Walker;
 pub use simulator::Simulator;

@@ -76,7 +76,14 @@ impl Motion {
     }
 
     /// Moves on by `dt_s` from the graph time `now_ns`.
-    pub(crate) fn step(&mut self, now_ns: u64, dt_s: f64, world: &World, outline: &Outline, response: &Response) {
+    pub(crate) fn step(
+        &mut self,
+        now_ns: u64,
+        dt_s: f64,
+        world: &World,
+        outline: &Outline,
+        response: &Response,
+    ) {
         let (pose, believed) = (self.base.pose, self.base.believed);
         self.base.step(now_ns, dt_s, response);
         self.people.step(&world.walkers, [pose.x_m, pose.y_m], dt_s);

@@ -36,8 +36,13 @@ const TABLES: [([f64; 2], [f64; 2], f64); 6] = [
 ];
 
 /// Chairs: centre, yaw.
-const CHAIRS: [([f64; 2], f64); 5] =
-    [([3.1, 4.1], -FRAC_PI_2), ([4.0, 4.1], -FRAC_PI_2), ([6.2, 0.3], FRAC_PI_2), ([8.4, 5.45], 0.2), ([4.3, 5.4], PI)];
+const CHAIRS: [([f64; 2], f64); 5] = [
+    ([3.1, 4.1], -FRAC_PI_2),
+    ([4.0, 4.1], -FRAC_PI_2),
+    ([6.2, 0.3], FRAC_PI_2),
+    ([8.4, 5.45], 0.2),
+    ([4.3, 5.4], PI),
+];
 
 impl World {
     /// The office with what the seed strews.
@@ -48,11 +53,12 @@ impl World {
         world.endless = true;
         world.start = Pose2::new(1.3, 2.0, -0.32);
         walls(&mut world.solids);
-        let way: Vec<[f64; 2]> = LEGS.iter().flat_map(|leg| resample(leg, 0.1)).collect();
+        world.walkers = walkers();
+        let mut way: Vec<[f64; 2]> = LEGS.iter().flat_map(|leg| resample(leg, 0.1)).collect();
         let mut random = Random::new(seed);
         furniture(&mut world.solids, &way, &mut random);
+        way.extend(world.walkers.iter().flat_map(|walker| resample(&walker.waypoints_m, 0.1)));
         strew(&mut world.solids, &way, &mut random, 12);
-        world.walkers = walkers();
         world
     }
 }
@@ -122,7 +128,8 @@ fn furniture(solids: &mut Vec<Solid>, way: &[[f64; 2]], random: &mut Random) {
     {
         solids.push(Solid::block(centre, size, 0.0, [0.0, top]));
     }
-    for (centre, radius, top) in [([7.3, 4.4], 0.03, 1.7), ([11.2, 4.3], 0.15, 0.5), ([4.9, 0.35], 0.15, 0.6)] {
+    for (centre, radius, top) in [([7.3, 4.4], 0.03, 1.7), ([11.2, 4.3], 0.15, 0.5), ([4.9, 0.35], 0.15, 0.6)]
+    {
         solids.push(Solid::column(centre, radius, [0.0, top]));
     }
 }

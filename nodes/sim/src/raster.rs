@@ -105,11 +105,7 @@ pub(crate) struct Raster {
 
 impl Raster {
     pub(crate) fn new(width: usize, height: usize) -> Self {
-        Self {
-            inverse_m: vec![0.0; width * height],
-            left: vec![0.0; height],
-            right: vec![0.0; height],
-        }
+        Self { inverse_m: vec![0.0; width * height], left: vec![0.0; height], right: vec![0.0; height] }
     }
 
     /// Draws the floor and everything up to `far_m`.
@@ -227,8 +223,7 @@ impl Raster {
         let step = view.right.map(|r| r / view.focal[0]);
         for row in top..=bottom {
             let across = (row as f32 - view.centre[1]) / view.focal[1];
-            let start = [0, 1, 2]
-                .map(|i| view.forward[i] + across * view.down[i] - view.centre[0] * step[i]);
+            let start = [0, 1, 2].map(|i| view.forward[i] + across * view.down[i] - view.centre[0] * step[i]);
             let line = &mut self.inverse_m[row * view.width + left..row * view.width + right];
             for (offset, pixel) in line.iter_mut().enumerate() {
                 let u = (left + offset) as f32;
@@ -264,10 +259,7 @@ fn bounds(view: &View, solid: &Solid) -> Option<[usize; 4]> {
             if z < NEAR_M {
                 return Some([0, view.width, 0, view.height - 1]);
             }
-            let at = [
-                view.focal[0] * x / z + view.centre[0],
-                view.focal[1] * y / z + view.centre[1],
-            ];
+            let at = [view.focal[0] * x / z + view.centre[0], view.focal[1] * y / z + view.centre[1]];
             for axis in 0..2 {
                 low[axis] = low[axis].min(at[axis]);
                 high[axis] = high[axis].max(at[axis]);
@@ -331,7 +323,10 @@ mod tests {
             for (pixel, depth) in found.iter().enumerate() {
                 let down = -ray(&view, pixel % SIZE[0], pixel / SIZE[0])[2];
                 let expected = if down > 1e-4 { view.origin_m[2] as f32 / down } else { f32::INFINITY };
-                assert!(expected > 1e3 || (depth / expected - 1.0).abs() < 1e-3, "{pixel}: {depth} {expected}");
+                assert!(
+                    expected > 1e3 || (depth / expected - 1.0).abs() < 1e-3,
+                    "{pixel}: {depth} {expected}"
+                );
             }
         }
     }
@@ -371,8 +366,9 @@ mod tests {
                     spans.push(((-b - root) / a, (-b + root) / a));
                 }
             }
-            let enter = spans.iter().fold(f64::NEG_INFINITY, |most, span| if span.0 > most { span.0 } else { most });
-            let missed = spans.iter().any(|span| !(span.1 >= enter));
+            let enter =
+                spans.iter().fold(f64::NEG_INFINITY, |most, span| if span.0 > most { span.0 } else { most });
+            let missed = spans.iter().any(|span| span.1.is_nan() || span.1 < enter);
             if !missed && enter > 0.0 && enter < nearest {
                 nearest = enter;
             }
@@ -385,7 +381,8 @@ mod tests {
         let world = crate::World::office(5);
         let mut random = crate::random::Random::new(9);
         for _ in 0..40 {
-            let pose = Pose2::new(random.between(0.5, 11.5), random.between(0.5, 7.5), random.between(-3.0, 3.0));
+            let pose =
+                Pose2::new(random.between(0.5, 11.5), random.between(0.5, 7.5), random.between(-3.0, 3.0));
             if world.clearance_m([pose.x_m, pose.y_m], 3.0) < 0.3 {
                 continue;
             }

@@ -49,7 +49,9 @@ fn parse_header(path: &str, text: &str) -> Result<Header, WorldError> {
             (name.trim() == key).then(|| (number + 1, value.trim().trim_matches(['"', '\'']).to_owned()))
         })
     };
-    let needed = |key: &str, kind: &str| value(key).ok_or_else(|| bad(format!("key {key} is missing, needed: {kind}")));
+    let needed = |key: &str, kind: &str| {
+        value(key).ok_or_else(|| bad(format!("key {key} is missing, needed: {kind}")))
+    };
     let number = |key: &str, kind: &str| {
         let (line, found) = needed(key, kind)?;
         let parsed = found.parse::<f64>().ok().filter(|x| x.is_finite());
@@ -101,7 +103,8 @@ fn parse_pgm(path: &str, bytes: &[u8]) -> Result<Picture, WorldError> {
         }
     };
     let mut at = 2;
-    let mut number = |what: &str| next_number(bytes, &mut at).ok_or_else(|| bad(format!("PGM header without {what}")));
+    let mut number =
+        |what: &str| next_number(bytes, &mut at).ok_or_else(|| bad(format!("PGM header without {what}")));
     let (width, height, most) = (number("width")?, number("height")?, number("largest grey")?);
     if width == 0 || height == 0 || width > 20_000 || height > 20_000 || !(1..=65_535).contains(&most) {
         return Err(bad(format!("{width} x {height} of {most} greys, needed: 1 to 20000 and 1 to 65535")));
@@ -128,7 +131,7 @@ fn walls(header: &Header, picture: &Picture) -> Vec<Solid> {
     let occupied = |pixel: u16| {
         let part = f64::from(pixel) / picture.most;
         if header.raw {
-            return pixel >= 65 && pixel <= 100;
+            return (65..=100).contains(&pixel);
         }
         (if header.negate { part } else { 1.0 - part }) > header.occupied
     };
@@ -164,7 +167,13 @@ fn walls(header: &Header, picture: &Picture) -> Vec<Solid> {
     solids
 }
 
-fn block_of(block: (usize, usize, usize), end_row: usize, header: &Header, picture: &Picture, frame: &Pose2) -> Solid {
+fn block_of(
+    block: (usize, usize, usize),
+    end_row: usize,
+    header: &Header,
+    picture: &Picture,
+    frame: &Pose2,
+) -> Solid {
     let (col, cols, first_row) = block;
     let rows = end_row - first_row;
     let m = header.resolution_m;
@@ -186,7 +195,8 @@ mod tests {
         let header = parse_header("m.yaml", YAML).unwrap();
         // 3 x 2, the two left cells of the top row and the left one of the bottom row occupied, 205 = unknown.
         let plain = parse_pgm("m.pgm", b"P2 # text\n3 2\n255\n0 0 254\n0 205 254\n").unwrap();
-        let binary = parse_pgm("m.pgm", &[b"P5\n3 2\n255\n".as_slice(), &[0, 0, 254, 0, 205, 254]].concat()).unwrap();
+        let binary =
+            parse_pgm("m.pgm", &[b"P5\n3 2\n255\n".as_slice(), &[0, 0, 254, 0, 205, 254]].concat()).unwrap();
         for picture in [plain, binary] {
             let world = World { solids: walls(&header, &picture), ..World::empty() };
             // Top row: y in [-1.5, -1.0], x in [-1, 0]; bottom row: y in [-2, -1.5], x in [-1, -0.5].

@@ -1,7 +1,7 @@
 //! The whole simulated robot: commands in; odometry, ranges, paths, depth, scans and truth out; time from outside.
 
 use crate::base::Response;
-use crate::config::Config;
+use crate::config::{Config, ConfigError};
 use crate::motion::{Motion, Outline};
 use crate::people::People;
 use crate::planar;
@@ -10,8 +10,8 @@ use crate::raster::{Raster, View};
 use crate::stereo::{FAR_FACTOR, Stereo, UNIT_M};
 use crate::world::{World, resample};
 use sidestep_msgs::{
-    Camera, Command, DepthFrame, Isometry, Odometry, PATH_POINTS, Path, PathPoint, Pose2, Range, Ranges, Robot,
-    SCAN_BEAMS, Scan, Truth, Twist,
+    Camera, Command, DepthFrame, Isometry, Odometry, PATH_POINTS, Path, PathPoint, Pose2, Range, Ranges,
+    Robot, SCAN_BEAMS, Scan, Truth, Twist,
 };
 
 /// [ns] step of the integration.
@@ -58,6 +58,7 @@ pub struct Simulator {
     leg: usize,
     arrivals: u32,
     path_due: bool,
+    pose_epoch: u32,
 }
 
 impl Simulator {
@@ -84,8 +85,27 @@ impl Simulator {
             leg: 0,
             arrivals: 0,
             path_due: !world.legs_m.is_empty(),
+            pose_epoch: 0,
             world,
         }
+    }
+
+    /// A robot in the world and at the start that the configuration names.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with key, found and needed; a world that cannot be had counts as such.
+    pub fn configured(config: &Config, robot: &Robot) -> Result<Self, ConfigError> {
+        config.check()?;
+        let world = World::named(&config.world, config.seed)?;
+        let start = config.start.map_or(world.start, |[x_m, y_m, yaw_rad]| Pose2::new(x_m, y_m, yaw_rad));
+        Ok(Self::new(config, robot, world, start, config.seed))
+    }
+
+    /// [Hz] frames of the camera, or sweeps of the lidar of a robot without one.
+    #[must_use]
+    pub fn rate_hz(&self) -> f32 {
+        let camera = self.robot.camera.map(|camera| camera.rate_hz);
+        camera.or(self.robot.lidar.map(|lidar| lidar.rate_hz)).unwrap_or(30.0)
     }
 
     /// [ns] graph time of the state that the sensors show.
@@ -98,6 +118,17 @@ impl Simulator {
     #[must_use]
     pub fn world(&self) -> &World {
         &self.world
+    }
+
+    /// Names the epoch of the poses; a driver raises it when it starts again elsewhere.
+    pub fn set_pose_epoch(&mut self, pose_epoch: u32) {
+        self.pose_epoch = pose_epoch;
+    }
+
+    /// Whether [`Self::path`] has a new path to give.
+    #[must_use]
+    pub fn is_path_due(&self) -> bool {
+        self.path_due
     }
 
     /// Takes a command that reaches the base at `now_ns`.
@@ -160,7 +191,7 @@ impl Simulator {
             pitch_rad: (base.pitch_rad + error_rad) as f32,
             variance: base.variance(&self.response),
             slip: u32::from(base.slipping),
-            pose_epoch: 0,
+            pose_epoch: self.pose_epoch,
             _pad: 0,
         };
     }
@@ -209,8 +240,8 @@ impl Simulator {
         let base = &self.current.base;
         let points = resample(&self.world.legs_m[self.leg], SPACING_M);
         let stride = points.len().div_ceil(PATH_POINTS);
-        *out = Path { id: u64::from(self.arrivals) + 1, ..Path::default() };
-        let last = points.last().into_iter().filter(|_| (points.len() - 1) % stride != 0);
+        *out = Path { id: u64::from(self.arrivals) + 1, pose_epoch: self.pose_epoch, ..Path::default() };
+        let last = points.last().into_iter().filter(|_| !(points.len() - 1).is_multiple_of(stride));
         for (slot, point) in out.points.iter_mut().zip(points.iter().step_by(stride).chain(last)) {
             let (x, y) = base.pose.inverse_transform(point[0], point[1]);
             let (x, y) = base.believed.transform(x, y);

@@ -14,7 +14,6 @@ fn frame() -> Box<DepthFrame> {
     Box::new(DepthFrame::default())
 }
 
-
 fn simulator(config: &Config, robot: &Robot, world: World, start: Pose2) -> Simulator {
     let mut simulator = Simulator::new(config, robot, world, start, config.seed);
     simulator.advance(1000 * MS);
@@ -87,12 +86,18 @@ fn noise_grows_with_the_square_of_the_distance_and_some_pixels_are_lost() {
         assert!((0.02..0.06).contains(&lost), "{lost}");
         let inverse: Vec<f64> = pixels.iter().filter(|mm| **mm > 0).map(|mm| 1e3 / f64::from(*mm)).collect();
         // Rows of a pitched camera see the wall at slightly different depth: compare along one row.
-        let row: Vec<f64> =
-            depth.pixels[160 * 640..161 * 640].iter().filter(|mm| **mm > 0).map(|mm| 1e3 / f64::from(*mm)).collect();
+        let row: Vec<f64> = depth.pixels[160 * 640..161 * 640]
+            .iter()
+            .filter(|mm| **mm > 0)
+            .map(|mm| 1e3 / f64::from(*mm))
+            .collect();
         let mean = row.iter().sum::<f64>() / row.len() as f64;
         let sigma = (row.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / row.len() as f64).sqrt();
         let expected = 0.2 / (606.97 * 0.07);
-        assert!((sigma / expected - 1.0).abs() < 0.25 && inverse.len() > 1000, "{distance} m: {sigma} {expected}");
+        assert!(
+            (sigma / expected - 1.0).abs() < 0.25 && inverse.len() > 1000,
+            "{distance} m: {sigma} {expected}"
+        );
     }
 }
 
@@ -104,7 +109,10 @@ fn beyond_the_limits_of_the_camera_there_is_no_depth() {
             let mut simulator = simulator(&config, &robot, wall_at(distance), Pose2::ORIGIN);
             let mut depth = frame();
             simulator.render(&mut depth);
-            assert!(depth.pixels[100 * 640..101 * 640].iter().all(|mm| *mm == 0), "{distance} m, noise {noise}");
+            assert!(
+                depth.pixels[100 * 640..101 * 640].iter().all(|mm| *mm == 0),
+                "{distance} m, noise {noise}"
+            );
         }
     }
 }
@@ -298,7 +306,8 @@ fn how_often_time_is_told_does_not_matter() {
     let mut ends = Vec::new();
     for step_ms in [10, 1, 7] {
         let mut simulator = simulator(&Config::default(), &loomo(), World::empty(), Pose2::ORIGIN);
-        let command = Command { twist: Twist::new(0.5, 0.3), valid_until_ns: 1600 * MS, ..Command::default() };
+        let command =
+            Command { twist: Twist::new(0.5, 0.3), valid_until_ns: 1600 * MS, ..Command::default() };
         simulator.command(&command, 1000 * MS);
         let mut at = 1000;
         while at < 2000 {

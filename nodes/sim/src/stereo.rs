@@ -51,7 +51,8 @@ struct Rows<'a> {
 impl Stereo {
     pub(crate) fn new(camera: &Camera, noise: bool, seed: u64) -> Self {
         let mut random = Random::new(mix(seed, 4));
-        let sigma = if noise { camera.disparity_sigma_px / (camera.focal_px * camera.baseline_m) } else { 0.0 };
+        let sigma =
+            if noise { camera.disparity_sigma_px / (camera.focal_px * camera.baseline_m) } else { 0.0 };
         let white: Vec<f32> = (0..TABLE).map(|_| random.normal() as f32).collect();
         // A matching window makes neighbours alike: half of the variance is shared over five pixels.
         let shared = |i: usize| (0..5).map(|k| white[(i + k + 997) % TABLE]).sum::<f32>() / libm::sqrtf(5.0);
@@ -98,7 +99,9 @@ impl Stereo {
 
     fn row(&self, fat: &[f32], lost: &[f32], noise: &[f32], chance: &[f32], out: &mut [u16]) {
         let per_inverse_m = LOST_FAR / (self.used_inverse * self.used_inverse);
-        for ((((pixel, inverse), lost), noise), chance) in out.iter_mut().zip(fat).zip(lost).zip(noise).zip(chance) {
+        for ((((pixel, inverse), lost), noise), chance) in
+            out.iter_mut().zip(fat).zip(lost).zip(noise).zip(chance)
+        {
             let far = (self.used_inverse - inverse).max(0.0) * per_inverse_m;
             let found = inverse + noise;
             let seen = (found <= self.near_inverse)

@@ -174,7 +174,9 @@ mod tests {
 
     #[test]
     fn a_missing_file_names_path_and_remedy() {
-        for name in ["/nowhere/world.toml", "/nowhere/map.yaml", "/nowhere/worlds.tar.xz#3", "/nowhere/a.world"] {
+        for name in
+            ["/nowhere/world.toml", "/nowhere/map.yaml", "/nowhere/worlds.tar.xz#3", "/nowhere/a.world"]
+        {
             let error = World::named(name, 1).unwrap_err().to_string();
             let path = name.split('#').next().unwrap();
             assert!(error.contains(path) && error.contains("give the path"), "{error}");

@@ -103,7 +103,10 @@ impl World {
         world.solids = walls.chain(blocks).chain(columns).chain(tables).collect();
         for (index, solid) in world.solids.iter().enumerate() {
             let numbers = [solid.x_m, solid.y_m, solid.bottom_m, solid.top_m, solid.reach_m()];
-            if !numbers.iter().all(|x| x.is_finite()) || solid.top_m <= solid.bottom_m || solid.reach_m() <= 0.0 {
+            if !numbers.iter().all(|x| x.is_finite())
+                || solid.top_m <= solid.bottom_m
+                || solid.reach_m() <= 0.0
+            {
                 return Err(bad(format!(
                     "solid {index} (walls, boxes, cylinders, tables in this order) is {solid:?}, needed: finite, \
                      larger than nothing, top_m above bottom_m"
@@ -153,15 +156,20 @@ points_m = [[1.0, 2.0], [2.0, 2.0]]
 
     #[test]
     fn an_unknown_key_is_named_with_line_and_what_is_allowed() {
-        let error = World::from_toml("w.toml", &TEXT.replace("thickness_m", "thick")).unwrap_err().to_string();
-        assert!(error.contains("w.toml") && error.contains("line 7") && error.contains("thickness_m"), "{error}");
+        let error =
+            World::from_toml("w.toml", &TEXT.replace("thickness_m", "thick")).unwrap_err().to_string();
+        assert!(
+            error.contains("w.toml") && error.contains("line 7") && error.contains("thickness_m"),
+            "{error}"
+        );
         let error = World::from_toml("w.toml", &TEXT.replace("0.2", "\"wide\"")).unwrap_err().to_string();
         assert!(error.contains("line 7") && error.contains("column"), "{error}");
     }
 
     #[test]
     fn a_solid_of_no_size_is_refused() {
-        let error = World::from_toml("w.toml", &TEXT.replace("top_m = 2.0", "top_m = -1.0")).unwrap_err().to_string();
+        let error =
+            World::from_toml("w.toml", &TEXT.replace("top_m = 2.0", "top_m = -1.0")).unwrap_err().to_string();
         assert!(error.contains("top_m above bottom_m"), "{error}");
     }
 }
