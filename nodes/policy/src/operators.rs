@@ -1,0 +1,192 @@
+//! The two fused tract operators: value iteration, and the dense layers with command and doubt.
+
+use crate::graph::{HEAD, PLANE, VALUE_ITERATION};
+use crate::kernels::{DenseChain, DenseScratch, ValueIteration, ValueScratch};
+use crate::lanes::Lanes;
+use crate::network::DenseLayer;
+use std::sync::{Arc, Mutex, PoisonError};
+use tract_onnx::model::{Onnx, ParsingContext};
+use tract_onnx::pb::NodeProto;
+use tract_onnx::tract_hir::internal::*;
+
+/// V from m_r.
+#[derive(Debug, Clone)]
+struct ValueOperator {
+    iteration: Arc<ValueIteration>,
+    lanes: Lanes,
+    scratch: Arc<Mutex<ValueScratch>>,
+}
+
+/// Command and doubt from features and u'.
+#[derive(Debug, Clone)]
+struct HeadOperator {
+    chain: Arc<DenseChain>,
+    log_range: (f32, f32),
+    lanes: Lanes,
+    scratch: Arc<Mutex<DenseScratch>>,
+}
+
+// Two operators are the same only where they share their weights.
+impl PartialEq for ValueOperator {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.iteration, &other.iteration)
+    }
+}
+impl Eq for ValueOperator {}
+impl PartialEq for HeadOperator {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.chain, &other.chain)
+    }
+}
+impl Eq for HeadOperator {}
+
+/// Teaches tract the two operators.
+pub(crate) fn register(onnx: &mut Onnx) {
+    onnx.op_register.insert(VALUE_ITERATION, build_value);
+    onnx.op_register.insert(HEAD, build_head);
+}
+
+type Built = TractResult<(Box<dyn InferenceOp>, Vec<String>)>;
+
+fn build_value(_: &ParsingContext, node: &NodeProto) -> Built {
+    let kernels = |name: &str| -> TractResult<Vec<[f32; 9]>> {
+        let kernel = |chunk: &[f32]| std::array::from_fn(|tap| chunk[tap]);
+        Ok(floats(node, name)?.chunks_exact(9).map(kernel).collect())
+    };
+    let iteration = ValueIteration {
+        reward: kernels("reward")?,
+        bias: floats(node, "bias")?.to_vec(),
+        value: kernels("value")?,
+        rounds: usize::try_from(integers(node, "rounds")?[0])?,
+    };
+    let scratch = Arc::new(Mutex::new(ValueScratch::new(iteration.reward.len())));
+    let operator = ValueOperator { iteration: Arc::new(iteration), lanes: Lanes::detect(), scratch };
+    Ok((Box::new(operator), vec![]))
+}
+
+fn build_head(_: &ParsingContext, node: &NodeProto) -> Built {
+    let values = |name: &str| node.attribute.iter().filter(|a| a.name == name).map(|a| a.floats.clone()).collect();
+    let (weights, biases): (Vec<Vec<f32>>, Vec<Vec<f32>>) = (values("weight"), values("bias"));
+    let sizes = integers(node, "sizes")?;
+    let layers: Vec<DenseLayer> = sizes
+        .chunks_exact(2)
+        .zip(weights.into_iter().zip(biases))
+        .map(|(size, (weight, bias))| DenseLayer {
+            inputs: size[0] as usize,
+            outputs: size[1] as usize,
+            weight,
+            bias,
+        })
+        .collect();
+    let range = floats(node, "log_range")?;
+    let chain = DenseChain::new(&layers);
+    let scratch = Arc::new(Mutex::new(chain.scratch()));
+    let operator =
+        HeadOperator { chain: Arc::new(chain), log_range: (range[0], range[1]), lanes: Lanes::detect(), scratch };
+    Ok((Box::new(operator), vec![]))
+}
+
+fn floats<'a>(node: &'a NodeProto, name: &str) -> TractResult<&'a [f32]> {
+    let found = node.attribute.iter().find(|attribute| attribute.name == name);
+    Ok(&found.with_context(|| format!("{} has no {name}", node.op_type))?.floats)
+}
+
+fn integers<'a>(node: &'a NodeProto, name: &str) -> TractResult<&'a [i64]> {
+    let found = node.attribute.iter().find(|attribute| attribute.name == name);
+    Ok(&found.with_context(|| format!("{} has no {name}", node.op_type))?.ints)
+}
+
+impl Op for ValueOperator {
+    fn name(&self) -> StaticName {
+        VALUE_ITERATION.into()
+    }
+    op_as_typed_op!();
+}
+
+impl EvalOp for ValueOperator {
+    fn eval(&self, _: &EvalContext, inputs: TVec<TValue>) -> TractResult<TVec<TValue>> {
+        let input = args_1!(inputs);
+        let mut out = Tensor::zero::<f32>(&PLANE)?;
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let reward_map = input.try_as_plain_ram()?;
+        let mut plane = out.try_as_plain_ram_mut()?;
+        self.iteration.run(self.lanes, reward_map.as_slice()?, &mut scratch, plane.as_slice_mut()?);
+        Ok(tvec![out.into_tvalue()])
+    }
+    op_out_of_plan!();
+}
+
+impl TypedOp for ValueOperator {
+    fn output_facts(&self, _: &[&TypedFact]) -> TractResult<TVec<TypedFact>> {
+        Ok(tvec![f32::fact(PLANE)])
+    }
+    as_op!();
+}
+
+impl InferenceRulesOp for ValueOperator {
+    fn rules<'r, 'p: 'r, 's: 'r>(
+        &'s self,
+        solver: &mut Solver<'r>,
+        inputs: &'p [TensorProxy],
+        outputs: &'p [TensorProxy],
+    ) -> InferenceResult {
+        for proxy in [&inputs[0], &outputs[0]] {
+            solver.equals(&proxy.datum_type, f32::datum_type())?;
+            solver.equals(&proxy.shape, PLANE.iter().map(|d| d.to_dim()).collect::<TVec<TDim>>())?;
+        }
+        Ok(())
+    }
+    as_op!();
+    to_typed!();
+}
+
+impl Op for HeadOperator {
+    fn name(&self) -> StaticName {
+        HEAD.into()
+    }
+    op_as_typed_op!();
+}
+
+impl EvalOp for HeadOperator {
+    fn eval(&self, _: &EvalContext, inputs: TVec<TValue>) -> TractResult<TVec<TValue>> {
+        let (features, velocity) = args_2!(inputs);
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let head = self.chain.run(self.lanes, features.try_as_plain_ram()?.as_slice()?, &mut scratch);
+        let velocity = velocity.try_as_plain_ram()?;
+        let (&[v, w], &[dv, dw, log_v, log_w]) = (velocity.as_slice::<f32>()?, head) else {
+            bail!("{HEAD} has {} outputs", head.len());
+        };
+        let doubt = |log: f32| libm::expf(log.max(self.log_range.0).min(self.log_range.1));
+        let command = Tensor::from_shape(&[1, 2], &[v + dv, w + dw])?;
+        let doubt = Tensor::from_shape(&[1, 2], &[doubt(log_v), doubt(log_w)])?;
+        Ok(tvec![command.into_tvalue(), doubt.into_tvalue()])
+    }
+    op_out_of_plan!();
+}
+
+impl TypedOp for HeadOperator {
+    fn output_facts(&self, _: &[&TypedFact]) -> TractResult<TVec<TypedFact>> {
+        Ok(tvec![f32::fact([1, 2]), f32::fact([1, 2])])
+    }
+    as_op!();
+}
+
+impl InferenceRulesOp for HeadOperator {
+    fn rules<'r, 'p: 'r, 's: 'r>(
+        &'s self,
+        solver: &mut Solver<'r>,
+        inputs: &'p [TensorProxy],
+        outputs: &'p [TensorProxy],
+    ) -> InferenceResult {
+        for proxy in [&inputs[1], &outputs[0], &outputs[1]] {
+            solver.equals(&proxy.datum_type, f32::datum_type())?;
+            solver.equals(&proxy.shape, tvec![1.to_dim(), 2.to_dim()])?;
+        }
+        Ok(())
+    }
+    fn nboutputs(&self) -> TractResult<usize> {
+        Ok(2)
+    }
+    as_op!();
+    to_typed!();
+}
