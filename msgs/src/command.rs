@@ -69,6 +69,8 @@ codes! {
         StaleProposals = 26 "both proposals too old",
         /// Both proposals are unfit: not finite, infeasible or a fault.
         UnfitProposals = 27 "both proposals unfit",
+        /// The depth guard once spoke and is silent now.
+        StaleNearField = 28 "near field too old",
         /// No odometry yet.
         NoOdometry = 30 "no odometry",
         /// The newest odometry is older than its limit.

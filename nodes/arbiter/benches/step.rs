@@ -1,5 +1,93 @@
-//! Time of one step.
+//! Time of one step: in the open, in a doorway, before a wall where every scale is searched, and of taking a map.
+
+use sidestep_arbiter::{Arbiter, Config};
+use sidestep_msgs::{
+    Command, Header, LocalGoal, Odometry, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE, SafetyMap,
+    Twist, Winner,
+};
+
+const NOW_NS: u64 = 1_000_000_000;
 
 fn main() {
     divan::main();
+}
+
+fn map(occupied: impl Fn(f32, f32) -> bool) -> Box<SafetyMap> {
+    let mut map: Box<SafetyMap> = bytemuck::zeroed_box();
+    map.capture_ns = NOW_NS;
+    for index in 0..SAFETY_CELLS {
+        let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+        map.occupancy[index] = if occupied(x, y) { 250 } else { 10 };
+    }
+    map
+}
+
+fn robot() -> Robot {
+    let text = include_str!("../../../launch/robots/loomo.toml");
+    Robot::from_toml("loomo.toml", text).unwrap_or_else(|error| unreachable!("{error}"))
+}
+
+/// An arbiter of a robot that drives at `twist` and wishes to go on so.
+fn driving(map: &SafetyMap, twist: Twist) -> Arbiter {
+    let mut arbiter =
+        Arbiter::new(&Config::STANDARD, &robot(), 0).unwrap_or_else(|error| unreachable!("{error}"));
+    let mut command = Command::default();
+    let header = Header { source_frame: 1, now_ns: NOW_NS, ..Header::default() };
+    for tick in 0..150 {
+        let stamp_ns = NOW_NS - 1_500_000_000 / 2 + tick * 5_000_000;
+        arbiter.odometry(&Odometry { stamp_ns, twist, ..Odometry::default() }, &header);
+        arbiter.safety_map(&SafetyMap { capture_ns: stamp_ns, ..*map }, &header);
+        arbiter.local_goal(&LocalGoal { capture_ns: stamp_ns, ..LocalGoal::default() }, &header);
+        arbiter.proposal(
+            Winner::Policy,
+            &Proposal { capture_ns: stamp_ns, twist, ..Proposal::default() },
+            &header,
+        );
+        arbiter.step(stamp_ns, false, &mut command);
+    }
+    arbiter
+}
+
+fn step(bencher: divan::Bencher<'_, '_>, map: &SafetyMap, twist: Twist) {
+    let arbiter = driving(map, twist);
+    bencher.with_inputs(|| arbiter.clone()).bench_local_values(|mut arbiter| {
+        let mut command = Command::default();
+        arbiter.step(NOW_NS + 5_000_000, false, &mut command);
+        (command, arbiter)
+    });
+}
+
+#[divan::bench]
+fn open_1_m_s(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &map(|_, _| false), Twist::new(1.0, 0.3));
+}
+
+#[divan::bench]
+fn doorway_0_5_m_s(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &map(|x, y| y.abs() > 0.45 && x > -0.2), Twist::new(0.5, 0.0));
+}
+
+#[divan::bench]
+fn corridor_1_m_s(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &map(|_, y| y.abs() > 0.45), Twist::new(0.9, 0.0));
+}
+
+#[divan::bench]
+fn corridor_end(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &map(|x, y| y.abs() > 0.45 || x > 1.2), Twist::new(0.8, 0.0));
+}
+
+#[divan::bench]
+fn boxed_in(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &map(|x, y| y.abs() > 0.34 || x.abs() > 0.2), Twist::new(0.0, 0.5));
+}
+
+#[divan::bench]
+fn take_map(bencher: divan::Bencher<'_, '_>) {
+    let mut seen = map(|x, y| y.abs() > 0.45 || x > 1.2);
+    let mut arbiter = driving(&seen, Twist::new(0.5, 0.0));
+    bencher.bench_local(move || {
+        seen.capture_ns += 1000;
+        arbiter.safety_map(&seen, &Header::default());
+    });
 }

@@ -1,0 +1,299 @@
+//! Where the footprint may stand: known-free cells as bits, and the exact question whether a footprint covers others.
+//!
+//! A row of the safety map is one 128-bit word, so that a whole row of the footprint is asked for at once. Around
+//! the robot's centre, sixteen dilated copies answer most questions without a look at the outline.
+
+use crate::config::ConfigError;
+use sidestep_msgs::{AGE_NEVER, NO_CELL, Robot, SAFETY_SIDE, SafetyMap};
+
+/// Rows of bits: row = cells ahead of the rear edge, bit = cells left of the right edge.
+pub(crate) type Rows = [u128; SAFETY_SIDE];
+/// Dilated copies: the farthest distance known from one look is this many cells.
+const LEVELS: usize = 16;
+const CELLS_PER_M: f32 = 20.0;
+const HALF: f32 = 40.0;
+const ALL: u128 = (1 << SAFETY_SIDE) - 1;
+/// Widest footprint in rows.
+const SPAN: usize = 44;
+/// Most corners of a footprint.
+const CORNERS: usize = 8;
+
+/// A pose in the frame of the safety map, with the heading as a vector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Heading {
+    pub(crate) x_m: f32,
+    pub(crate) y_m: f32,
+    pub(crate) cos: f32,
+    pub(crate) sin: f32,
+}
+
+/// The outline of the robot, widened by any margin.
+#[derive(Debug, Clone)]
+pub(crate) struct Outline {
+    corners: [[f32; 2]; CORNERS],
+    /// Motion of each corner per metre of margin: the outline keeps sharp corners.
+    outward: [[f32; 2]; CORNERS],
+    count: usize,
+    radius_m: f32,
+    outward_most: f32,
+    /// [m] farthest point ahead.
+    pub(crate) front_m: f32,
+    /// [m] farthest point behind, positive.
+    pub(crate) rear_m: f32,
+    /// [m] half of the width.
+    pub(crate) half_width_m: f32,
+}
+
+impl Outline {
+    /// # Errors
+    /// Not convex, not counter-clockwise, or too large for the safety map.
+    pub(crate) fn new(robot: &Robot) -> Result<Self, ConfigError> {
+        let polygon = &robot.footprint.polygon_m;
+        let count = polygon.len();
+        let refused = |needed| ConfigError { key: "footprint.polygon_m", found: count as f64, needed };
+        if !(3..=CORNERS).contains(&count) {
+            return Err(refused("3 to 8 corners"));
+        }
+        let mut outline = Self {
+            corners: [[0.0; 2]; CORNERS],
+            outward: [[0.0; 2]; CORNERS],
+            count,
+            radius_m: robot.radius_m(),
+            outward_most: 0.0,
+            front_m: polygon.iter().fold(0.0, |most, corner| most.max(corner[0])),
+            rear_m: polygon.iter().fold(0.0, |most, corner| most.max(-corner[0])),
+            half_width_m: robot.half_width_m(),
+        };
+        if !(outline.radius_m > 0.1 && outline.radius_m <= 0.9) {
+            let found = f64::from(outline.radius_m);
+            return Err(ConfigError { key: "footprint radius", found, needed: "0.1 to 0.9 m" });
+        }
+        for i in 0..count {
+            let (before, here, after) = (polygon[(i + count - 1) % count], polygon[i], polygon[(i + 1) % count]);
+            let (a, b) = (normal(before, here), normal(here, after));
+            let bend = a[0] * b[1] - a[1] * b[0];
+            // Parallel or clockwise edges, and spikes whose sharp corner would run far out.
+            if !(bend > 1e-3 && a[0] * b[0] + a[1] * b[1] > -0.75) {
+                return Err(refused("corners of a convex polygon, counter-clockwise, no spikes"));
+            }
+            let scale = 1.0 / (1.0 + a[0] * b[0] + a[1] * b[1]);
+            outline.corners[i] = here;
+            outline.outward[i] = [(a[0] + b[0]) * scale, (a[1] + b[1]) * scale];
+            let reach = libm::hypotf(outline.outward[i][0], outline.outward[i][1]);
+            outline.outward_most = outline.outward_most.max(reach);
+        }
+        Ok(outline)
+    }
+
+    /// [m] radius round the axle that holds the outline widened by `margin_m`.
+    pub(crate) fn radius_m(&self, margin_m: f32) -> f32 {
+        self.radius_m + self.outward_most * margin_m.max(0.0)
+    }
+
+    /// The cells under the outline, row by row: `visit(row, bits)` until it returns a value.
+    ///
+    /// An outline that leaves the map answers with `None` for the bits.
+    fn rows<T>(
+        &self,
+        at: &Heading,
+        margin_m: f32,
+        mut visit: impl FnMut(usize, Option<u128>) -> Option<T>,
+    ) -> Option<T> {
+        let mut points = [[0.0f32; 2]; CORNERS];
+        let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
+        for i in 0..self.count {
+            let px = self.corners[i][0] + margin_m * self.outward[i][0];
+            let py = self.corners[i][1] + margin_m * self.outward[i][1];
+            let x = (at.x_m + (at.cos * px - at.sin * py)) * CELLS_PER_M;
+            let y = (at.y_m + (at.sin * px + at.cos * py)) * CELLS_PER_M;
+            points[i] = [x + HALF, y];
+            lowest = lowest.min(points[i][0]);
+            highest = highest.max(points[i][0]);
+        }
+        // NaN fails the comparison and is outside.
+        if !(lowest >= 0.0 && highest < SAFETY_SIDE as f32 && highest - lowest < (SPAN - 2) as f32) {
+            return visit(0, None);
+        }
+        let base = lowest as usize;
+        let last = highest as usize - base;
+        let mut right = [f32::MAX; SPAN];
+        let mut left = [f32::MIN; SPAN];
+        let mut widen = |row: usize, y: f32| {
+            right[row] = right[row].min(y);
+            left[row] = left[row].max(y);
+        };
+        for i in 0..self.count {
+            let (a, b) = (points[i], points[(i + 1) % self.count]);
+            let (a, b) = if a[0] <= b[0] { (a, b) } else { (b, a) };
+            widen(a[0] as usize - base, a[1]);
+            widen(b[0] as usize - base, b[1]);
+            let (first, end) = (a[0] as usize + 1, b[0] as usize);
+            if first > end {
+                continue;
+            }
+            let slope = (b[1] - a[1]) / (b[0] - a[0]);
+            for border in first..=end {
+                let y = a[1] + (border as f32 - a[0]) * slope;
+                widen(border - 1 - base, y);
+                widen(border - base, y);
+            }
+        }
+        for row in 0..=last {
+            // Cells are addressed from the middle, so that a mirrored outline covers mirrored cells.
+            let (low, high) = (libm::floorf(right[row]) + HALF, libm::ceilf(left[row]) - 1.0 + HALF);
+            let bits = if low >= 0.0 && high < SAFETY_SIDE as f32 {
+                let (low, high) = (low as u32, high.max(low) as u32);
+                Some((u128::MAX >> (127 - (high - low))) << low)
+            } else {
+                None
+            };
+            if let Some(found) = visit(base + row, bits) {
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    /// Index of a cell of the safety map under the widened outline that is set in `blocked`; [`NO_CELL`] where the
+    /// outline leaves the map; `None` where it stands free.
+    pub(crate) fn blocked(&self, at: &Heading, margin_m: f32, blocked: &Rows) -> Option<u32> {
+        self.rows(at, margin_m, |row, bits| match bits {
+            Some(bits) => {
+                let hit = blocked[row] & bits;
+                (hit != 0).then(|| cell_index(row, hit.trailing_zeros() as usize))
+            }
+            None => Some(NO_CELL),
+        })
+    }
+
+    /// Clears in `rows` the cells of `which` whose centre the bare outline covers: the robot stands there.
+    pub(crate) fn exempt(&self, at: &Heading, which: &Rows, rows: &mut Rows) {
+        self.rows::<()>(at, 0.0, |row, bits| {
+            let mut hit = which[row] & bits? & rows[row];
+            while hit != 0 {
+                let bit = hit.trailing_zeros();
+                hit &= hit - 1;
+                let x = (row as f32 + 0.5 - HALF) / CELLS_PER_M - at.x_m;
+                let y = (bit as f32 + 0.5 - HALF) / CELLS_PER_M - at.y_m;
+                if self.holds(at.cos * x + at.sin * y, at.cos * y - at.sin * x) {
+                    rows[row] &= !(1 << bit);
+                }
+            }
+            None
+        });
+    }
+
+    /// Whether a point of `base` lies inside the bare outline.
+    pub(crate) fn holds(&self, x_m: f32, y_m: f32) -> bool {
+        (0..self.count).all(|i| {
+            let (a, b) = (self.corners[i], self.corners[(i + 1) % self.count]);
+            (b[0] - a[0]) * (y_m - a[1]) - (b[1] - a[1]) * (x_m - a[0]) >= 0.0
+        })
+    }
+}
+
+/// Outward normal of the edge of a counter-clockwise polygon.
+fn normal(from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
+    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+    let length = libm::hypotf(dx, dy).max(1e-9);
+    [dy / length, -dx / length]
+}
+
+fn cell_index(row: usize, bit: usize) -> u32 {
+    ((SAFETY_SIDE - 1 - row) * SAFETY_SIDE + SAFETY_SIDE - 1 - bit) as u32
+}
+
+/// What the newest safety map says, as bits.
+#[derive(Debug, Clone)]
+pub(crate) struct FreeSpace {
+    /// Cells that are not known free.
+    pub(crate) blocked: Rows,
+    /// Cells that are not known free, or were not seen lately.
+    pub(crate) old: Rows,
+    /// Cells that are not known free because nobody saw them, not because something is there.
+    pub(crate) unknown: Rows,
+    /// `near[k]`: cells within k cells (chessboard distance) of one that is not known free, or of the border.
+    near: Box<[Rows; LEVELS]>,
+}
+
+impl FreeSpace {
+    /// Nothing is known.
+    pub(crate) fn new() -> Self {
+        let mut space = Self {
+            blocked: [ALL; SAFETY_SIDE],
+            old: [ALL; SAFETY_SIDE],
+            unknown: [ALL; SAFETY_SIDE],
+            near: Box::new([[ALL; SAFETY_SIDE]; LEVELS]),
+        };
+        space.dilate();
+        space
+    }
+
+    /// Takes a map: free below `free_code`, lately seen up to `old_code`.
+    pub(crate) fn take(&mut self, map: &SafetyMap, free_code: u8, old_code: u8) {
+        let lines = map.occupancy.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.age.as_chunks::<SAFETY_SIDE>().0);
+        for (index, (occupancy, age)) in lines.enumerate() {
+            let row = SAFETY_SIDE - 1 - index;
+            let (mut blocked, mut old, mut unknown) = (0u128, 0u128, 0u128);
+            for col in 0..SAFETY_SIDE {
+                let seen = age[col] != AGE_NEVER;
+                let free = seen && occupancy[col] < free_code;
+                // Column 0 is farthest left: the highest bit.
+                blocked = blocked << 1 | u128::from(!free);
+                old = old << 1 | u128::from(!free || age[col] > old_code);
+                unknown = unknown << 1 | u128::from(!free && (!seen || occupancy[col] <= 140));
+            }
+            self.blocked[row] = blocked;
+            self.old[row] = old;
+            self.unknown[row] = unknown;
+        }
+        self.dilate();
+    }
+
+    /// Forgets everything.
+    pub(crate) fn clear(&mut self) {
+        self.blocked = [ALL; SAFETY_SIDE];
+        self.old = [ALL; SAFETY_SIDE];
+        self.unknown = [ALL; SAFETY_SIDE];
+        self.dilate();
+    }
+
+    /// Rebuilds the dilated copies from `blocked`.
+    pub(crate) fn dilate(&mut self) {
+        self.near[0] = self.blocked;
+        for level in 1..LEVELS {
+            let (smaller, larger) = self.near.split_at_mut(level);
+            let (from, to) = (&smaller[level - 1], &mut larger[0]);
+            // Beyond the border nothing is known.
+            let across = |row: u128| row | row << 1 | row >> 1 | 1 | 1 << (SAFETY_SIDE - 1);
+            let mut below = ALL;
+            let mut here = across(from[0]);
+            for row in 0..SAFETY_SIDE {
+                let above = from.get(row + 1).map_or(ALL, |row| across(*row));
+                to[row] = (below | here | above) & ALL;
+                below = here;
+                here = above;
+            }
+        }
+    }
+
+    /// [m] every point nearer than this to (x, y) is known free; 0 where not even its own cell is.
+    pub(crate) fn clearance_m(&self, x_m: f32, y_m: f32) -> f32 {
+        let (row, bit) = (libm::floorf(x_m * CELLS_PER_M) + HALF, libm::floorf(y_m * CELLS_PER_M) + HALF);
+        let side = SAFETY_SIDE as f32;
+        if !(row >= 0.0 && row < side && bit >= 0.0 && bit < side) {
+            return 0.0;
+        }
+        let (row, bit) = (row as usize, bit as u32);
+        let (mut free, mut not) = (0, LEVELS);
+        while free < not {
+            let level = usize::midpoint(free, not);
+            if self.near[level][row] >> bit & 1 == 0 {
+                free = level + 1;
+            } else {
+                not = level;
+            }
+        }
+        free.saturating_sub(1) as f32 / CELLS_PER_M
+    }
+}

@@ -1,0 +1,187 @@
+//! How a wish, or the wish to stop, becomes a filtered motion: the situation, the caps, the recovery.
+
+use crate::ahead::ahead;
+use crate::arbiter::{Arbiter, Verdict};
+use crate::clearance::Heading;
+use crate::config::Resume;
+use crate::queue::{Pending, SENT_MAX};
+use crate::recovery::Action;
+use crate::search::{Filter, Filtered, Question};
+use crate::select::Selected;
+use crate::tube::Situation;
+use sidestep_msgs::{NO_CELL, Reason, Twist, Winner};
+
+/// [1] a boxed-in robot drives on when this part of the wish is safe again.
+const FREE_SCALE: f32 = 0.5;
+/// [1] a recovery motion scaled below this is blocked.
+const BLOCKED_SCALE: f32 = 0.2;
+/// [m/s] fastest while the robot overlaps cells that are not free.
+const OVERLAP_M_S: f32 = 0.1;
+
+impl Arbiter {
+    /// Brakes to rest: gently where nothing is wrong and that is safe, else at once.
+    pub(crate) fn stop(&mut self, reason: Reason, faulty: bool, now_ns: u64, dt_s: f32) -> Verdict {
+        let pose = self.memory.inputs.odometry.pose;
+        self.memory.recovery.rest(now_ns, &pose);
+        let at_once = faulty || matches!(reason, Reason::EstopLatched | Reason::Starting);
+        let motion = match self.situation(now_ns) {
+            Some(situation) if !at_once && !self.memory.last.is_rest() => {
+                self.ask(&situation, &Question { escapes: false, ..self.question(Twist::STOP, now_ns, dt_s) }).motion
+            }
+            _ => self.limiter.brake(&self.memory.last, dt_s, false),
+        };
+        let filtered = Filtered { motion, scale: 0.0, reason, cell: NO_CELL };
+        Verdict { winner: Winner::Stop, wish: Twist::STOP, filtered }
+    }
+
+    /// Drives as far as is safe.
+    pub(crate) fn drive(&mut self, selected: &Selected, now_ns: u64, dt_s: f32) -> Verdict {
+        let pose = self.memory.inputs.odometry.pose;
+        let mut question = self.question(selected.twist, now_ns, dt_s);
+        let action = if selected.winner == Winner::Teleop || self.memory.open_loop != 0 {
+            self.memory.recovery.rest(now_ns, &pose);
+            question.escapes = false;
+            Action::Follow
+        } else {
+            self.memory.recovery.action(now_ns, &pose, question.side, &self.config)
+        };
+        let (winner, named) = match action {
+            Action::Scan(_) => (Winner::Recovery, Some(Reason::ScanRotation)),
+            Action::BackUp(_) => (Winner::Recovery, Some(Reason::BackUp)),
+            Action::Rest(_) => (Winner::Stop, None),
+            Action::Follow => (selected.winner, None),
+        };
+        match action {
+            Action::Scan(turn) => question.wish = turn,
+            Action::BackUp(back) => (question.wish, question.lately_seen) = (back, true),
+            _ => {}
+        }
+        question.escapes &= action == Action::Follow;
+        let wish = question.wish;
+        let Some(mut situation) = self.situation(now_ns) else {
+            let motion = self.limiter.brake(&self.memory.last, dt_s, false);
+            self.memory.recovery.moved(now_ns, false);
+            let filtered = Filtered { motion, scale: 0.0, reason: Reason::Braking, cell: NO_CELL };
+            return Verdict { winner, wish, filtered };
+        };
+        if question.lately_seen || question.escapes {
+            let margin_m = self.tube.margin_at(&situation.at, &situation.old);
+            situation.old_margin_m = margin_m.unwrap_or(f32::NAN);
+        }
+        let emergency = self.cap(&mut question, &situation, now_ns);
+        let mut filtered = if emergency {
+            let motion = self.limiter.brake(&self.memory.last, dt_s, false);
+            Filtered { motion, scale: 0.0, reason: Reason::Emergency, cell: NO_CELL }
+        } else {
+            self.ask(&situation, &question)
+        };
+        let moved = self.is_moving(&filtered, &question, action);
+        if let Action::Rest(reason) = action {
+            let may_retry = self.config.resume == Resume::Auto;
+            let free = filtered.scale >= FREE_SCALE;
+            self.memory.recovery.end_rest(now_ns, &pose, free, may_retry, &self.config);
+            let stop = Question { wish: Twist::STOP, ..question };
+            filtered = Filtered { scale: 0.0, reason, ..self.ask(&situation, &stop) };
+            return Verdict { winner, wish: selected.twist, filtered };
+        }
+        // Proposers that both see no way are as blocked as a filter that lets nothing through.
+        self.memory.recovery.moved(now_ns, moved && (named.is_some() || selected.reason != Reason::UnfitProposals));
+        filtered.reason = match (filtered.reason, named) {
+            (Reason::Clear | Reason::Slowed, Some(named)) => named,
+            (Reason::Clear, None) => selected.reason,
+            (reason, _) => reason,
+        };
+        Verdict { winner, wish, filtered }
+    }
+
+    fn question(&self, wish: Twist, now_ns: u64, dt_s: f32) -> Question {
+        let side = if self.memory.inputs.goal_y_m < 0.0 { -1.0 } else { 1.0 };
+        Question {
+            from: self.memory.last,
+            wish: self.limiter.bounded(wish),
+            dt_s,
+            now_ns,
+            scale_max: 1.0,
+            side,
+            escapes: true,
+            lately_seen: false,
+        }
+    }
+
+    fn ask(&mut self, situation: &Situation, question: &Question) -> Filtered {
+        let filter = Filter {
+            config: &self.config,
+            limiter: &self.limiter,
+            tube: &self.tube,
+            space: &self.space,
+            situation,
+        };
+        filter.answer(question, &mut self.memory.escape)
+    }
+
+    /// Caps the speed of a question beside obstacles and before what the direct sensors see; returns whether the
+    /// robot could not stop any more.
+    fn cap(&self, question: &mut Question, situation: &Situation, now_ns: u64) -> bool {
+        let speed = question.wish.v_m_s.abs().max(1e-6);
+        let mut most = f32::INFINITY;
+        if situation.margin_m < self.tube.full_margin_m() {
+            most = if situation.margin_m < 0.0 { OVERLAP_M_S } else { self.config.squeeze_m_s };
+        }
+        let sees = |sign| ahead(&self.memory.inputs, &self.config, &self.robot, &self.outline, now_ns, sign);
+        if let Some(seen) = sees(question.wish.v_m_s.signum()) {
+            most = most.min(seen.speed_m_s);
+        }
+        question.scale_max = (most / speed).min(1.0);
+        let rolls = situation.twist.v_m_s;
+        rolls.abs() > 0.05 && sees(rolls.signum()).is_some_and(|seen| seen.emergency)
+    }
+
+    /// Whether anything worth the name moves; a wish to stand still is no trouble.
+    fn is_moving(&self, filtered: &Filtered, question: &Question, action: Action) -> bool {
+        let wish = question.wish;
+        if action != Action::Follow {
+            return filtered.scale > BLOCKED_SCALE;
+        }
+        let still = wish.v_m_s.abs() < self.config.crawl_m_s && wish.w_rad_s.abs() < 0.1;
+        let escapes = matches!(filtered.reason, Reason::Rotating | Reason::Reversing);
+        let follows = filtered.scale * wish.v_m_s.abs() >= self.config.crawl_m_s
+            || filtered.scale * wish.w_rad_s.abs() >= 0.1;
+        still || escapes || follows
+    }
+
+    /// What is the same for every candidate of this step, or `None` where the robot overlaps cells that are not free
+    /// too deeply to say what is safe.
+    pub(crate) fn situation(&self, now_ns: u64) -> Option<Situation> {
+        let inputs = &self.memory.inputs;
+        let odometry = &inputs.odometry;
+        let relative = inputs.map_pose.relative(&odometry.pose);
+        let (sin, cos) = libm::sincos(relative.yaw_rad);
+        let at = Heading {
+            x_m: relative.x_m as f32,
+            y_m: relative.y_m as f32,
+            cos: cos as f32,
+            sin: sin as f32,
+        };
+        let (mut blocked, mut old) = (self.space.blocked, self.space.old);
+        self.outline.exempt(&at, &self.space.unknown, &mut blocked);
+        // What the robot covers it does not see: its own floor is free where it is not occupied.
+        let covered = std::array::from_fn(|row| !self.space.blocked[row] | self.space.unknown[row]);
+        self.outline.exempt(&at, &covered, &mut old);
+        let margin_m = self.tube.margin_at(&at, &blocked)?;
+        let mut pending = [Pending::default(); SENT_MAX];
+        let reach_s = self.robot.actuator.dead_time_max_s;
+        let pending_count = self.memory.queue.pending(odometry.stamp_ns, reach_s, &mut pending);
+        Some(Situation {
+            at,
+            twist: odometry.twist,
+            age_s: now_ns.saturating_sub(odometry.stamp_ns) as f32 * 1e-9,
+            pending,
+            pending_count,
+            margin_m,
+            old_margin_m: f32::NAN,
+            blocked,
+            old,
+        })
+    }
+}
+

@@ -1,0 +1,3 @@
+//! What the arbiter promises, each promise a test.
+
+mod closed_loop;

@@ -1,0 +1,160 @@
+//! What to do when nothing helps: turn round to see, back up a little, then rest and ask. The map is never cleared.
+
+use crate::config::{Config, span_ns};
+use bytemuck::{Pod, Zeroable};
+use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
+
+/// [rad] a scan is done after a full turn.
+const SCAN_RAD: f64 = 2.0 * std::f64::consts::PI;
+/// [ns] longest scan and longest back-up.
+const SCAN_NS: u64 = 20_000_000_000;
+const BACK_UP_NS: u64 = 5_000_000_000;
+/// [ns] a recovery motion that the filter blocks for this long is over.
+const BLOCKED_NS: u64 = 500_000_000;
+/// [m] this far from the trouble, the next one is a new one.
+const AWAY_M: f64 = 0.5;
+
+const FOLLOW: u32 = 0;
+const SCAN: u32 = 1;
+const BACK_UP: u32 = 2;
+const REST: u32 = 3;
+
+/// What the filter is asked for instead of the wish.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Action {
+    /// The wish itself.
+    Follow,
+    /// A turn on the spot.
+    Scan(Twist),
+    /// A motion backward over cells seen lately.
+    BackUp(Twist),
+    /// Rest, with the trouble as the reason.
+    Rest(Reason),
+}
+
+/// The progress of the robot and of its recovery.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Recovery {
+    /// Pose in `odom` since which progress is measured.
+    anchor: Pose2,
+    /// Pose in `odom` at which the trouble began, or the phase.
+    place: Pose2,
+    /// [rad] turned since the scan began.
+    turned_rad: f64,
+    last_yaw_rad: f64,
+    anchor_ns: u64,
+    phase_ns: u64,
+    /// [ns] graph time since which nothing moves; 0 = something does.
+    blocked_ns: u64,
+    /// [1, -1] side of the scan.
+    side: f32,
+    phase: u32,
+    /// [`Reason`] code of the trouble.
+    cause: u32,
+    /// Recoveries tried at this place.
+    tried: u32,
+}
+
+impl Recovery {
+    /// Begins afresh, as when somebody else drove or the robot stood for a reason.
+    pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
+        let keep = (self.tried, self.place);
+        *self = Self { anchor: *pose, anchor_ns: now_ns, ..Self::zeroed() };
+        (self.tried, self.place) = keep;
+    }
+
+    /// An operator's word: tries everything again.
+    pub(crate) fn forgive(&mut self) {
+        self.phase = FOLLOW;
+        self.tried = 0;
+        self.blocked_ns = 0;
+        self.anchor_ns = 0;
+    }
+
+    /// What to do now, given that somebody wants to drive towards the side `side`.
+    pub(crate) fn action(&mut self, now_ns: u64, pose: &Pose2, side: f32, config: &Config) -> Action {
+        if self.tried > 0 && pose.distance_m(&self.place) > AWAY_M && self.phase == FOLLOW {
+            self.tried = 0;
+        }
+        if self.anchor_ns == 0 || pose.distance_m(&self.anchor) >= f64::from(config.progress_m) {
+            self.anchor = *pose;
+            self.anchor_ns = now_ns;
+        }
+        let since = |begin_ns: u64| now_ns.saturating_sub(begin_ns);
+        let blocked = self.blocked_ns != 0;
+        match self.phase {
+            SCAN => {
+                self.turned_rad += wrap_angle(pose.yaw_rad - self.last_yaw_rad).abs();
+                self.last_yaw_rad = pose.yaw_rad;
+                if blocked && since(self.blocked_ns) > BLOCKED_NS {
+                    self.begin(BACK_UP, now_ns, pose);
+                } else if self.turned_rad >= SCAN_RAD || since(self.phase_ns) > SCAN_NS {
+                    self.begin(FOLLOW, now_ns, pose);
+                }
+            }
+            BACK_UP => {
+                let far = pose.distance_m(&self.place) >= f64::from(config.back_up_m);
+                let stuck = blocked && since(self.blocked_ns) > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
+                if far {
+                    self.begin(FOLLOW, now_ns, pose);
+                } else if stuck {
+                    self.begin(REST, now_ns, pose);
+                }
+            }
+            REST => {}
+            _ => {
+                let boxed_in = blocked && since(self.blocked_ns) >= span_ns(config.boxed_in_s);
+                let lost = since(self.anchor_ns) >= span_ns(config.no_progress_s);
+                if boxed_in || lost {
+                    self.cause = if boxed_in { Reason::BoxedIn } else { Reason::NoProgress } as u32;
+                    self.side = if side < 0.0 { -1.0 } else { 1.0 };
+                    let phase = [SCAN, BACK_UP].get(self.tried as usize).copied().unwrap_or(REST);
+                    self.tried = self.tried.saturating_add(1);
+                    self.begin(phase, now_ns, pose);
+                }
+            }
+        }
+        self.asked(config)
+    }
+
+    /// Whether the rest may end by itself, or because the wish is free again.
+    pub(crate) fn end_rest(&mut self, now_ns: u64, pose: &Pose2, free: bool, may_retry: bool, config: &Config) {
+        let waited = now_ns.saturating_sub(self.phase_ns) >= span_ns(config.wait_s);
+        let boxed_in = self.cause == Reason::BoxedIn as u32;
+        if self.phase == REST && (boxed_in && free || may_retry && waited) {
+            self.begin(FOLLOW, now_ns, pose);
+            self.tried = 0;
+        }
+    }
+
+    /// Notes whether the filter let anything move.
+    pub(crate) fn moved(&mut self, now_ns: u64, moved: bool) {
+        if moved {
+            self.blocked_ns = 0;
+        } else if self.blocked_ns == 0 {
+            self.blocked_ns = now_ns.max(1);
+        }
+    }
+
+    fn begin(&mut self, phase: u32, now_ns: u64, pose: &Pose2) {
+        self.phase = phase;
+        self.phase_ns = now_ns;
+        self.place = *pose;
+        self.anchor = *pose;
+        self.anchor_ns = now_ns;
+        self.turned_rad = 0.0;
+        self.last_yaw_rad = pose.yaw_rad;
+        self.blocked_ns = 0;
+    }
+
+    fn asked(&self, config: &Config) -> Action {
+        match self.phase {
+            SCAN => Action::Scan(Twist::new(0.0, self.side * config.escape_turn_rad_s)),
+            BACK_UP => Action::BackUp(Twist::new(-config.back_up_m_s, 0.0)),
+            REST if self.cause == Reason::BoxedIn as u32 => Action::Rest(Reason::BoxedIn),
+            REST => Action::Rest(Reason::NoProgress),
+            _ => Action::Follow,
+        }
+    }
+}

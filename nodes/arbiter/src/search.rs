@@ -1,0 +1,205 @@
+//! The filter: the largest part of a wish after which the robot can still stop on known-free cells.
+//!
+//! The scale is searched by halving; every command that leaves has itself been swept, so the search need not be
+//! monotone. More cells in the way only turn answers from yes to no, and each no leads to smaller scales: an obstacle
+//! never raises the scale.
+
+use crate::clearance::FreeSpace;
+use crate::config::Config;
+use crate::limits::{Limiter, Motion};
+use crate::tube::{Candidate, Situation, Tube};
+use bytemuck::{Pod, Zeroable};
+use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
+
+/// Steps of the coarse search: 0.05 each.
+const STEPS: u32 = 20;
+/// Halvings below one coarse step.
+const FINE: u32 = 5;
+/// [m/s] an escape begins only below this speed; above, the curve of the brake must not change.
+const SLOW_M_S: f32 = 0.15;
+/// [ns] an escape keeps its side for this long after it was last needed.
+const SIDE_NS: u64 = 1_000_000_000;
+
+/// What the filter lets through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Filtered {
+    pub(crate) motion: Motion,
+    /// [1] part of the wish.
+    pub(crate) scale: f32,
+    pub(crate) reason: Reason,
+    /// The cell in the way.
+    pub(crate) cell: u32,
+}
+
+/// What the filter keeps: the side of the last escape.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Escape {
+    /// [ns] graph time of the last escape.
+    used_ns: u64,
+    /// [m] backed up since something ahead was possible.
+    reversed_m: f32,
+    /// [1, -1] side of the last turn.
+    side: f32,
+}
+
+/// A question to the filter.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Question {
+    pub(crate) from: Motion,
+    pub(crate) wish: Twist,
+    pub(crate) dt_s: f32,
+    pub(crate) now_ns: u64,
+    /// [1] no scale above this: a cap of speed from ranges, or beside an obstacle.
+    pub(crate) scale_max: f32,
+    /// Side to turn to where the wish has none.
+    pub(crate) side: f32,
+    /// Whether turning and backing up may replace the wish.
+    pub(crate) escapes: bool,
+    /// Whether the way leads backward over cells seen lately.
+    pub(crate) lately_seen: bool,
+}
+
+/// The filter of one step.
+pub(crate) struct Filter<'a> {
+    pub(crate) config: &'a Config,
+    pub(crate) limiter: &'a Limiter,
+    pub(crate) tube: &'a Tube,
+    pub(crate) space: &'a FreeSpace,
+    pub(crate) situation: &'a Situation,
+}
+
+impl Filter<'_> {
+    fn try_motion(&self, motion: Motion, comfort: bool, lately_seen: bool) -> Result<Motion, u32> {
+        let candidate = Candidate { motion, comfort, lately_seen };
+        self.tube.check(self.situation, self.space, &candidate).map(|()| motion)
+    }
+
+    /// The safest answer to a question.
+    pub(crate) fn answer(&self, question: &Question, escape: &mut Escape) -> Filtered {
+        let wish = self.limiter.bounded(question.wish);
+        if wish.v_m_s.abs() < 1e-3 && wish.w_rad_s.abs() < 1e-3 {
+            return Filtered { scale: 1.0, ..self.brake(question, Reason::Clear, NO_CELL) };
+        }
+        let (best, cell) = self.largest(question, wish);
+        let crawls = best.is_some_and(|(_, scale)| {
+            let (speed, turn) = (scale * wish.v_m_s.abs(), scale * wish.w_rad_s.abs());
+            scale < question.scale_max && speed < self.config.crawl_m_s && turn < 0.1
+        });
+        if let (Some((motion, scale)), false) = (best, crawls) {
+            if wish.v_m_s > 0.0 {
+                escape.reversed_m = 0.0;
+            }
+            let reason = if scale >= 1.0 { Reason::Clear } else { Reason::Slowed };
+            return Filtered { motion, scale, reason, cell: if scale >= 1.0 { NO_CELL } else { cell } };
+        }
+        if question.escapes && question.from.twist.v_m_s.abs() < SLOW_M_S {
+            let found = self.turn(question, wish, escape).or_else(|| self.back_up(question, escape));
+            if let Some((motion, reason)) = found {
+                escape.used_ns = question.now_ns;
+                return Filtered { motion, scale: 0.0, reason, cell };
+            }
+        }
+        if let Some((motion, scale)) = best {
+            return Filtered { motion, scale, reason: Reason::Slowed, cell };
+        }
+        self.brake(question, Reason::Braking, cell)
+    }
+
+    /// The largest safe scale with its command, and the cell that was in the way of the next larger.
+    fn largest(&self, question: &Question, wish: Twist) -> (Option<(Motion, f32)>, u32) {
+        let at = |scale: f32| {
+            let part = Twist::new(wish.v_m_s * scale, wish.w_rad_s * scale);
+            self.limiter.towards(&question.from, part, question.dt_s)
+        };
+        let mut cell = NO_CELL;
+        // Neighbouring scales often give the same command; it is swept once.
+        let mut last: Option<(Motion, Result<Motion, u32>)> = None;
+        let mut sweep = |scale: f32| {
+            let motion = at(scale);
+            let verdict = match last {
+                Some((known, verdict)) if known == motion => verdict,
+                _ => self.try_motion(motion, true, question.lately_seen),
+            };
+            last = Some((motion, verdict));
+            if let Err(hit) = verdict {
+                cell = hit;
+            }
+            verdict.ok()
+        };
+        let top = question.scale_max.clamp(0.0, 1.0);
+        if let Some(motion) = sweep(top) {
+            return (Some((motion, top)), cell);
+        }
+        let mut best = None;
+        let (mut low, mut high) = (0, libm::ceilf(top * STEPS as f32) as u32);
+        while low + 1 < high {
+            let middle = u32::midpoint(low, high);
+            let scale = middle as f32 / STEPS as f32;
+            match sweep(scale) {
+                Some(motion) => (best, low) = (Some((motion, scale)), middle),
+                None => high = middle,
+            }
+        }
+        let (mut low, mut high) = (low as f32 / STEPS as f32, top.min(high as f32 / STEPS as f32));
+        for _ in 0..FINE {
+            let middle = 0.5 * (low + high);
+            match sweep(middle) {
+                Some(motion) => (best, low) = (Some((motion, middle)), middle),
+                None => high = middle,
+            }
+        }
+        (best, cell)
+    }
+
+    /// A turn on the spot: to the side of the last escape, of the wish, or of the goal; then to the other.
+    fn turn(&self, question: &Question, wish: Twist, escape: &mut Escape) -> Option<(Motion, Reason)> {
+        let lately = question.now_ns.saturating_sub(escape.used_ns) < SIDE_NS;
+        let side = if lately && escape.side != 0.0 {
+            escape.side
+        } else if wish.w_rad_s.abs() > 0.05 {
+            wish.w_rad_s.signum()
+        } else {
+            question.side
+        };
+        [side, -side].into_iter().find_map(|side| {
+            let turn = Twist::new(0.0, side * self.config.escape_turn_rad_s);
+            let motion = self.limiter.towards(&question.from, turn, question.dt_s);
+            let motion = self.try_motion(motion, true, false).ok()?;
+            escape.side = side;
+            Some((motion, Reason::Rotating))
+        })
+    }
+
+    /// A short way back over cells seen lately.
+    fn back_up(&self, question: &Question, escape: &mut Escape) -> Option<(Motion, Reason)> {
+        if escape.reversed_m >= self.config.back_up_m || question.wish.v_m_s < 0.0 {
+            return None;
+        }
+        let back = Twist::new(-self.config.back_up_m_s, 0.0);
+        let motion = self.limiter.towards(&question.from, back, question.dt_s);
+        let motion = self.try_motion(motion, true, true).ok()?;
+        escape.reversed_m += (-motion.twist.v_m_s).max(0.0) * question.dt_s;
+        Some((motion, Reason::Reversing))
+    }
+
+    /// The brake: gentle where even that is safe, else the brake that was swept with every command before.
+    fn brake(&self, question: &Question, reason: Reason, cell: u32) -> Filtered {
+        let at = |comfort| self.limiter.brake(&question.from, question.dt_s, comfort);
+        let (gentle, hard) = (at(true), at(false));
+        if let Ok(motion) = self.try_motion(gentle, true, false) {
+            return Filtered { motion, scale: 0.0, reason, cell };
+        }
+        let Err(hit) = self.try_motion(hard, false, false) else {
+            return Filtered { motion: hard, scale: 0.0, reason, cell };
+        };
+        // The cells of a map lie in the robot's own frame, so an edge seen again may come nearer by a cell: braking
+        // answers that. An emergency is what comes nearer than that.
+        let margin_m = self.situation.margin_m.min(self.tube.full_margin_m()) - SAFETY_GRID.cell_m;
+        let nearer = Situation { margin_m, ..*self.situation };
+        let candidate = Candidate { motion: hard, comfort: false, lately_seen: false };
+        let harmless = self.tube.check(&nearer, self.space, &candidate).is_ok();
+        let reason = if harmless { Reason::Braking } else { Reason::Emergency };
+        Filtered { motion: hard, scale: 0.0, reason, cell: hit }
+    }
+}

@@ -1,0 +1,297 @@
+//! Where a command leads until the robot rests: the measured state through the commands on their way, the candidate,
+//! then the brake, swept with the footprint over the known-free cells.
+//!
+//! Every member of the identified set gives another path; the corners of dead time and braking and one interior
+//! member are simulated, the tracking error widens them. An answer is exact for what it simulates: each checked pose
+//! asks for every cell under the widened outline, and poses lie no farther apart than the gap the widening covers.
+
+use crate::clearance::{FreeSpace, Heading, Outline, Rows};
+use crate::config::Config;
+use crate::limits::{Limiter, Motion};
+use crate::queue::{Pending, SENT_MAX};
+use sidestep_msgs::{NO_CELL, Robot, Twist};
+
+/// [s] one step of the simulation.
+const STEP_S: f32 = 0.01;
+/// Most steps: 8 s, longer than any stop the limits allow.
+const STEPS_MAX: usize = 800;
+/// [m/s] and [rad/s]: slower is rest.
+const REST_M_S: f32 = 0.005;
+const REST_RAD_S: f32 = 0.01;
+/// [m] most by which the error of the turn rate widens the footprint along the path.
+const TURN_ERROR_MOST_M: f32 = 0.015;
+
+/// A member of the identified set of the actuator.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corner {
+    /// [s] dead time.
+    dead_s: f32,
+    /// [m/s^2] strongest deceleration.
+    brake_m_s2: f32,
+}
+
+/// What is true at a step for every candidate.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Situation {
+    /// Pose of the odometry in the frame of the map.
+    pub(crate) at: Heading,
+    /// Velocity of the odometry.
+    pub(crate) twist: Twist,
+    /// [s] from the odometry's stamp to now.
+    pub(crate) age_s: f32,
+    /// Commands sent, oldest first.
+    pub(crate) pending: [Pending; SENT_MAX],
+    /// How many.
+    pub(crate) pending_count: usize,
+    /// [m] widening of the footprint that is free where the robot is; less than the full margin beside an obstacle.
+    pub(crate) margin_m: f32,
+    /// [m] the same for cells seen lately.
+    pub(crate) old_margin_m: f32,
+    /// Cells not known free, without those under the robot.
+    pub(crate) blocked: Rows,
+    /// The same for backing up.
+    pub(crate) old: Rows,
+}
+
+/// A candidate command with the brake that would follow it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Candidate {
+    /// The command.
+    pub(crate) motion: Motion,
+    /// Whether the brake after it respects the jerk.
+    pub(crate) comfort: bool,
+    /// Whether it may only cross cells seen lately.
+    pub(crate) lately_seen: bool,
+}
+
+/// The braking commands that follow a candidate.
+struct Brake {
+    twist: Twist,
+    speed_m_s: f32,
+    along_m_s2: f32,
+    hardest_m_s2: f32,
+    jerk_m_s3: f32,
+    turn_s2: f32,
+    now: Twist,
+}
+
+impl Brake {
+    fn new(candidate: &Candidate, limiter: &Limiter, robot: &Robot) -> Self {
+        let twist = candidate.motion.twist;
+        let hardest = limiter.deceleration(twist);
+        let along = if candidate.comfort {
+            (candidate.motion.acceleration_m_s2 * twist.v_m_s.signum()).max(-hardest)
+        } else {
+            -hardest
+        };
+        Self {
+            twist,
+            speed_m_s: twist.v_m_s.abs(),
+            along_m_s2: along,
+            hardest_m_s2: hardest,
+            jerk_m_s3: robot.limits.comfort_jerk_m_s3,
+            turn_s2: robot.limits.turn_accelerate_rad_s2,
+            now: twist,
+        }
+    }
+
+    /// The next braking command.
+    fn next(&mut self) -> Twist {
+        let before = self.twist.v_m_s.abs();
+        if before < 1e-3 {
+            let less = self.turn_s2 * STEP_S;
+            self.now.w_rad_s = (self.now.w_rad_s.abs() - less).max(0.0).copysign(self.now.w_rad_s);
+            self.now.v_m_s = 0.0;
+            return self.now;
+        }
+        self.along_m_s2 = (self.along_m_s2 - self.jerk_m_s3 * STEP_S).max(-self.hardest_m_s2);
+        self.speed_m_s = (self.speed_m_s + self.along_m_s2 * STEP_S).max(0.0);
+        let part = self.speed_m_s / before;
+        self.now = Twist::new(self.twist.v_m_s * part, self.twist.w_rad_s * part.min(1.0));
+        self.now
+    }
+}
+
+/// Sweeps candidates over the free space.
+#[derive(Debug, Clone)]
+pub(crate) struct Tube {
+    corners: [Corner; 5],
+    outline: Outline,
+    limiter: Limiter,
+    robot: Robot,
+    /// Part of a difference that the base follows within a step.
+    follow: f32,
+    hold_s: f32,
+    gap_m: f32,
+    full_margin_m: f32,
+    overlap_m: f32,
+}
+
+impl Tube {
+    pub(crate) fn new(config: &Config, robot: &Robot, outline: &Outline) -> Self {
+        let a = &robot.actuator;
+        let (soon, late) = (a.dead_time_min_s, a.dead_time_max_s);
+        let strong = a.brake_max_m_s2.max(a.brake_min_m_s2);
+        let corner = |dead_s, brake_m_s2| Corner { dead_s, brake_m_s2 };
+        let ratio = STEP_S / a.lag_s.max(1e-4);
+        Self {
+            // The longest first: it fails soonest.
+            corners: [
+                corner(late, a.brake_min_m_s2),
+                corner(soon, strong),
+                corner(soon, a.brake_min_m_s2),
+                corner(late, strong),
+                corner(0.5 * (soon + late), 0.5 * (a.brake_min_m_s2 + strong)),
+            ],
+            outline: outline.clone(),
+            limiter: Limiter::new(&robot.limits),
+            robot: robot.clone(),
+            // 1 - exp(-ratio) within 1e-3 for ratios below 1/4.
+            follow: (ratio / (1.0 + 0.5 * ratio)).min(1.0),
+            hold_s: config.hold_s,
+            gap_m: config.gap_m,
+            full_margin_m: config.margin_m + 0.5 * config.gap_m,
+            overlap_m: config.overlap_m,
+        }
+    }
+
+    /// [m] the widening where nothing is near.
+    pub(crate) fn full_margin_m(&self) -> f32 {
+        self.full_margin_m
+    }
+
+    /// [m] the largest widening, up to the full one, with which the robot stands free; `None` where it overlaps
+    /// cells deeper than the configured overlap.
+    pub(crate) fn margin_at(&self, at: &Heading, blocked: &Rows) -> Option<f32> {
+        let free = |margin| self.outline.blocked(at, margin, blocked).is_none();
+        if free(self.full_margin_m) {
+            return Some(self.full_margin_m);
+        }
+        let (mut low, mut high) = (-self.overlap_m, self.full_margin_m);
+        if !free(low) {
+            return None;
+        }
+        for _ in 0..5 {
+            let middle = 0.5 * (low + high);
+            if free(middle) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Some(low)
+    }
+
+    /// Sweeps a candidate for every corner.
+    ///
+    /// # Errors
+    /// The cell in the way, or [`NO_CELL`] where the way leaves the map or never ends.
+    pub(crate) fn check(
+        &self,
+        situation: &Situation,
+        space: &FreeSpace,
+        candidate: &Candidate,
+    ) -> Result<(), u32> {
+        self.corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
+    }
+
+    fn sweep(
+        &self,
+        situation: &Situation,
+        space: &FreeSpace,
+        candidate: &Candidate,
+        corner: &Corner,
+    ) -> Result<(), u32> {
+        let actuator = &self.robot.actuator;
+        let pending = &situation.pending[..situation.pending_count.min(SENT_MAX)];
+        let begin_s = situation.age_s + corner.dead_s;
+        let brake_s = begin_s + self.hold_s;
+        let mut brake = Brake::new(candidate, &self.limiter, &self.robot);
+        let mut at = situation.at;
+        let (mut v, mut w) = (situation.twist.v_m_s, situation.twist.w_rad_s);
+        // Before the first known command took effect, the base is assumed to go on as it goes.
+        let mut command = situation.twist;
+        let mut following = 0;
+        // The start is checked too: a map may have come since.
+        let (mut moved_m, mut step_m, mut allowed_m) = (0.0f32, 0.0f32, -1.0f32);
+        let mut path_m = 0.0;
+        for step in 0..STEPS_MAX {
+            let time_s = step as f32 * STEP_S;
+            // Looked at before the next step would pass what is allowed; NaN looks at every pose.
+            if !(moved_m + step_m <= allowed_m) {
+                allowed_m = self.allowance(situation, space, candidate, &at, time_s, path_m)?;
+                moved_m = 0.0;
+            }
+            if time_s >= brake_s {
+                command = brake.next();
+                if command == Twist::STOP && v.abs() < REST_M_S && w.abs() < REST_RAD_S {
+                    return self.allowance(situation, space, candidate, &at, time_s, path_m).map(|_| ());
+                }
+            } else if time_s >= begin_s {
+                command = candidate.motion.twist;
+            } else {
+                while pending.get(following).is_some_and(|next| next.sent_s + corner.dead_s <= time_s) {
+                    command = pending[following].twist;
+                    following += 1;
+                }
+            }
+            let change = (command.v_m_s - v) * self.follow;
+            let slowing = change * v < 0.0;
+            let most = if slowing { corner.brake_m_s2 * STEP_S } else { f32::MAX };
+            v += change.clamp(-most, most);
+            w += (command.w_rad_s - w) * self.follow;
+            let error = if command.v_m_s.abs() > 1e-3 { actuator.tracking_m_s } else { 0.0 };
+            let length_m = (v + error.copysign(v)) * STEP_S;
+            advance(&mut at, length_m, w * STEP_S);
+            path_m += length_m.abs();
+            step_m = length_m.abs() + w.abs() * STEP_S * self.outline.radius_m(self.full_margin_m);
+            moved_m += step_m;
+        }
+        Err(NO_CELL)
+    }
+
+    /// [m] how far any point of the footprint may move before the next look.
+    fn allowance(
+        &self,
+        situation: &Situation,
+        space: &FreeSpace,
+        candidate: &Candidate,
+        at: &Heading,
+        time_s: f32,
+        path_m: f32,
+    ) -> Result<f32, u32> {
+        let mut margin_m = if candidate.lately_seen { situation.old_margin_m } else { situation.margin_m };
+        if margin_m >= self.full_margin_m {
+            let error_m = 0.5 * self.robot.actuator.tracking_rad_s * time_s * path_m;
+            margin_m += error_m.min(TURN_ERROR_MOST_M);
+        }
+        if !candidate.lately_seen {
+            let reach_m = self.outline.radius_m(margin_m);
+            let slack_m = space.clearance_m(at.x_m, at.y_m) - reach_m;
+            if slack_m >= self.gap_m {
+                return Ok(slack_m);
+            }
+        }
+        let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
+        self.outline.blocked(at, margin_m, rows).map_or(Ok(self.gap_m), Err)
+    }
+}
+
+/// Moves a heading along an arc; the turn of one step is small enough for a short series.
+fn advance(at: &mut Heading, length_m: f32, turn_rad: f32) {
+    let half = 0.5 * turn_rad;
+    let (sin, cos) = small(half);
+    at.x_m += length_m * (at.cos * cos - at.sin * sin);
+    at.y_m += length_m * (at.sin * cos + at.cos * sin);
+    let (sin, cos) = small(turn_rad);
+    (at.cos, at.sin) = (at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin);
+}
+
+/// Sine and cosine of an angle below 0.1 rad; larger ones (a measured spin beyond any limit) from the library.
+fn small(angle_rad: f32) -> (f32, f32) {
+    if angle_rad.abs() > 0.1 {
+        return libm::sincosf(angle_rad);
+    }
+    let square = angle_rad * angle_rad;
+    (angle_rad * (1.0 - square / 6.0), 1.0 - 0.5 * square + square * square / 24.0)
+}
