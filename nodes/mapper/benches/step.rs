@@ -97,6 +97,20 @@ fn scan_720_beams_and_both_maps(bencher: Bencher) {
 }
 
 #[divan::bench]
+fn local_map(bencher: Bencher) {
+    let (mapper, _) = drive();
+    let mut map = LocalMap::default();
+    bencher.bench_local(|| mapper.write_local(&mut map));
+}
+
+#[divan::bench]
+fn safety_map(bencher: Bencher) {
+    let (mapper, _) = drive();
+    let mut map = SafetyMap::default();
+    bencher.bench_local(|| mapper.write_safety(&mut map));
+}
+
+#[divan::bench]
 fn planning(bencher: Bencher) {
     let (mut mapper, mut frames) = drive();
     let mut map = LocalMap::default();

@@ -151,7 +151,7 @@ struct Row {
     bands_m: [f32; BANDS],
 }
 
-/// Everything about the columns of a frame and the cuts that does not change from row to row.
+/// What belongs to the columns of a frame and does not change from row to row.
 #[derive(Debug)]
 pub(crate) struct Columns {
     /// [px] column minus principal point.
@@ -295,4 +295,52 @@ fn tally(counters: &[u32], counts: &mut Counts) {
         add(*d);
     }
     fourth[quarter..].iter().for_each(|counter| add(*counter));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hilly random frame with holes and losses, counted by both variants.
+    #[test]
+    fn the_wide_variant_counts_the_same_as_the_plain_one() {
+        let mut frame: Box<DepthFrame> = Box::new(DepthFrame::default());
+        (frame.width, frame.height, frame.metres_per_unit) = (637, 479, 0.001);
+        (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px) = (606.97, 600.1, 311.7, 250.2);
+        frame.camera = sidestep_msgs::Isometry::camera(0.1, 0.02, 0.55, 0.2);
+        let mut state = 7u64;
+        for pixel in frame.pixels[..637 * 479].iter_mut() {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            *pixel = if state >> 62 == 0 { (state >> 40) as u16 } else { (state >> 52) as u16 };
+        }
+        let pose = sidestep_msgs::Pose2::new(0.0, 0.0, 0.7);
+        let twist = sidestep_msgs::Twist::STOP;
+        let body = Sample { stamp_ns: 1, pose, twist, roll_rad: 0.03, pitch_rad: -0.02 };
+        let lens = Lens::new(&frame, &body, [96.3, 95.8], 2.86, Moment { tick: 1, drift_m: 0.0 });
+        let [wide, narrow] = [Columns::new(), Columns::narrow()].map(|mut columns| {
+            let mut counts = new_counts();
+            columns.count(&frame, &lens, &Config::shipped(), &mut counts);
+            counts
+        });
+        assert!(wide == narrow);
+        assert!(wide.iter().sum::<u32>() > 50_000);
+    }
+
+    /// A camera looks along x from the middle of the window; a point goes to its pixel and its depth comes back.
+    #[test]
+    fn a_point_projects_to_the_pixel_that_sees_it() {
+        let mut frame: Box<DepthFrame> = Box::new(DepthFrame::default());
+        (frame.width, frame.height, frame.metres_per_unit) = (640, 480, 0.001);
+        (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px) = (600.0, 600.0, 320.0, 240.0);
+        frame.camera = sidestep_msgs::Isometry::camera(0.0, 0.0, 0.5, 0.0);
+        let pose = sidestep_msgs::Pose2::ORIGIN;
+        let body = Sample { stamp_ns: 1, pose, twist: sidestep_msgs::Twist::STOP, roll_rad: 0.0, pitch_rad: 0.0 };
+        let lens = Lens::new(&frame, &body, [96.0, 96.0], 0.0, Moment { tick: 1, drift_m: 0.0 });
+        // 2 m ahead, 0.4 m left, 0.2 m below the camera: u = 320 - 600 * 0.4 / 2, v = 240 + 600 * 0.2 / 2.
+        let (pixel, depth_m) = lens.pixel(96.0 + 40.0, 96.0 + 8.0, 0.3).unwrap();
+        assert_eq!((pixel % 640, pixel / 640), (200, 300));
+        assert!((depth_m - 2.0).abs() < 1e-4, "{depth_m}");
+        assert_eq!(lens.pixel(96.0 - 40.0, 96.0, 0.3), None, "behind");
+        assert_eq!(lens.pixel(96.0 + 40.0, 96.0 + 40.0, 0.3), None, "beside");
+    }
 }

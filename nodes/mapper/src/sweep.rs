@@ -13,7 +13,9 @@ const ENDED: u8 = 2;
 #[derive(Debug)]
 pub(crate) struct Sweep {
     touch: Vec<u8>,
+    /// Cells touched, the first `count` of them; one more than there are cells, for the next to be written.
     touched: Vec<u32>,
+    count: usize,
 }
 
 /// Whether the numbers of a sweep can be: beams in use, finite geometry.
@@ -33,7 +35,7 @@ pub(crate) fn is_shaped(scan: &Scan) -> bool {
 
 impl Sweep {
     pub(crate) fn new() -> Self {
-        Self { touch: vec![0; CELLS], touched: Vec::with_capacity(CELLS) }
+        Self { touch: vec![0; CELLS], touched: vec![0; CELLS + 1], count: 0 }
     }
 
     /// Takes one sweep, with the robot at `pose`, into the grid.
@@ -51,7 +53,7 @@ impl Sweep {
             let length = range_m.min(scan.far_m) / CELL_M as f32;
             self.walk(from, [cos, sin], length, ends, config.scan_sees_band);
         }
-        for cell in self.touched.drain(..) {
+        for &cell in &self.touched[..std::mem::take(&mut self.count)] {
             let touch = std::mem::take(&mut self.touch[cell as usize]);
             let index = grid.index(cell as usize % SIDE, cell as usize / SIDE);
             if touch >= ENDED {
@@ -63,45 +65,47 @@ impl Sweep {
         }
     }
 
-    /// Walks from a point along a direction over all cells on the way (Amanatides and Woo).
+    /// Walks from a point along a direction over all cells on the way (Amanatides and Woo), inside the window.
     fn walk(&mut self, from: [f32; 2], along: [f32; 2], length: f32, ends: bool, clears: bool) {
-        let mut cell = [libm::floorf(from[0]) as i32, libm::floorf(from[1]) as i32];
-        let end = [0, 1].map(|k| libm::floorf(from[k] + length * along[k]).clamp(-1e6, 1e6) as i32);
-        let step = along.map(|part| if part < 0.0 { -1 } else { 1 });
-        let gap = along.map(|part| 1.0 / part.abs().max(1e-9));
-        let mut next = [0, 1].map(|k| {
-            let edge = cell[k] as f32 + if step[k] > 0 { 1.0 } else { 0.0 };
-            (edge - from[k]).abs() * gap[k]
-        });
-        // At most one step per crossed edge, and never more than the window is wide both ways.
-        for _ in 0..2 * SIDE {
-            let inside = cell.iter().all(|&part| (0..SIDE as i32).contains(&part));
-            if !inside {
-                return;
-            }
-            let at_end = cell == end || next[0].min(next[1]) >= length;
-            if at_end {
-                break;
-            }
-            if clears {
-                self.mark(cell, PASSED);
-            }
-            let axis = usize::from(next[1] < next[0]);
-            cell[axis] += step[axis];
-            next[axis] += gap[axis];
+        let side = SIDE as f32;
+        if !from.iter().all(|&part| part >= 0.0 && part < side) {
+            return;
         }
-        let inside = cell.iter().all(|&part| (0..SIDE as i32).contains(&part));
-        if ends && inside && (cell[0] - end[0]).abs() <= 1 && (cell[1] - end[1]).abs() <= 1 {
-            self.mark(cell, ENDED);
+        let mut reach = length;
+        for k in 0..2 {
+            let room = if along[k] < 0.0 { from[k] } else { side - from[k] };
+            reach = reach.min(room / along[k].abs().max(1e-9));
+        }
+        let cell = |part: f32| libm::floorf(part).clamp(0.0, side - 1.0);
+        let first = from.map(cell);
+        let last = [0, 1].map(|k| cell(from[k] + reach * along[k]));
+        let gap = along.map(|part| 1.0 / part.abs().max(1e-9));
+        let edge = |k: usize| if along[k] < 0.0 { from[k] - first[k] } else { first[k] + 1.0 - from[k] };
+        let (mut next_x, mut next_y) = (edge(0) * gap[0], edge(1) * gap[1]);
+        let step_x = if along[0] < 0.0 { usize::MAX } else { 1 };
+        let step_y = if along[1] < 0.0 { SIDE.wrapping_neg() } else { SIDE };
+        let crossings = (last[0] - first[0]).abs() + (last[1] - first[1]).abs();
+        let mut index = first[1] as usize * SIDE + first[0] as usize;
+        if clears {
+            for _ in 0..crossings as usize {
+                self.mark(index, PASSED);
+                let across = next_x < next_y;
+                index = index.wrapping_add(if across { step_x } else { step_y });
+                next_x += if across { gap[0] } else { 0.0 };
+                next_y += if across { 0.0 } else { gap[1] };
+            }
+        }
+        if ends && reach >= length {
+            self.mark(last[1] as usize * SIDE + last[0] as usize, ENDED);
         }
     }
 
-    fn mark(&mut self, cell: [i32; 2], touch: u8) {
-        let index = cell[1] as usize * SIDE + cell[0] as usize;
-        if self.touch[index] == 0 {
-            self.touched.push(index as u32);
-        }
-        self.touch[index] |= touch;
+    /// Notes a cell; rounding may lead a walk one cell out of the window, which is passed over.
+    fn mark(&mut self, index: usize, touch: u8) {
+        let Some(cell) = self.touch.get_mut(index) else { return };
+        self.touched[self.count] = index as u32;
+        self.count += usize::from(*cell == 0);
+        *cell |= touch;
     }
 }
 

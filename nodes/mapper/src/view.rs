@@ -12,8 +12,12 @@ use sidestep_msgs::{
 pub(crate) const VIEW: usize = 128;
 /// First window cell of the view, both ways.
 const FIRST: usize = (SIDE - VIEW) / 2;
-/// Occupancy of a cell that was never seen.
+/// Cells of the view, a power of two, so that a masked index needs no check.
+const CELLS: usize = VIEW * VIEW;
+/// Occupancy of a cell that was never seen, in the maps.
 const UNKNOWN: u8 = 128;
+/// 2^23: a float in [0, 2^22) plus this carries its rounded value in the low bits.
+const MAGIC: f32 = 8_388_608.0;
 /// Occupancy of a cell that an ultrasonic sensor marks.
 const SONAR: u8 = 230;
 /// Steps of the log-odds table per unit.
@@ -24,8 +28,9 @@ const SAMPLES: usize = 4;
 /// [cells] added to the half-extent of a safety cell for the rounding of `f32`.
 const SLACK: f32 = 1e-3;
 
-/// Occupancy and age of one cell.
+/// Occupancy and age of one cell; never seen is (0, [`AGE_NEVER`]), which loses every comparison for the largest.
 type Pair = [u8; 2];
+const NEVER: Pair = [0, AGE_NEVER];
 
 /// The bytes round the robot.
 #[derive(Debug)]
@@ -33,9 +38,9 @@ pub(crate) struct View {
     /// Place of the robot in the view, in cells, and its heading.
     at: [f32; 2],
     heading: [f32; 2],
-    cells: Vec<Pair>,
+    cells: Box<[Pair; CELLS]>,
     /// Largest of a cell and its three neighbours above, right and both.
-    pooled: Vec<Pair>,
+    pooled: Box<[Pair; CELLS]>,
     probability: [u8; 256],
 }
 
@@ -45,14 +50,14 @@ impl View {
             let log_odds = (step as f32 - 128.0) / STEPS;
             (255.0 / (1.0 + libm::expf(-log_odds)) + 0.5) as u8
         });
-        let unknown = vec![[UNKNOWN, AGE_NEVER]; VIEW * VIEW];
-        Self { at: [64.0; 2], heading: [1.0, 0.0], cells: unknown.clone(), pooled: unknown, probability }
+        let never = Box::new([NEVER; CELLS]);
+        Self { at: [64.0; 2], heading: [1.0, 0.0], cells: never.clone(), pooled: never, probability }
     }
 
     /// Nothing was ever seen.
     pub(crate) fn reset(&mut self) {
-        self.cells.fill([UNKNOWN, AGE_NEVER]);
-        self.pooled.fill([UNKNOWN, AGE_NEVER]);
+        self.cells.fill(NEVER);
+        self.pooled.fill(NEVER);
     }
 
     /// Makes the bytes from the grid, as seen from `pose` at `now`; `sonar_ticks` is how long ultrasonic marks hold.
@@ -85,60 +90,72 @@ impl View {
         }
     }
 
-    /// A point of `base` in cells of the view.
-    fn place(&self, x_m: f32, y_m: f32) -> [f32; 2] {
-        let (x, y) = (x_m / CELL_M as f32, y_m / CELL_M as f32);
-        let [cos, sin] = self.heading;
-        [self.at[0] + cos * x - sin * y, self.at[1] + sin * x + cos * y]
+    /// Fills `pairs` with the cells under points of `base`: the first at `(x_m, y_m)`, each next one `step_m` to the
+    /// right, all of them moved by `shift` cells of the view.
+    #[inline(always)]
+    fn sample(&self, cells: &[Pair; CELLS], x_m: f32, y_m: f32, step_m: f32, shift: [f32; 2], pairs: &mut [Pair]) {
+        let [cos, sin] = self.heading.map(|part| part / CELL_M as f32);
+        // Half a cell less, since the conversion to integers rounds to the nearest.
+        let x0 = self.at[0] + cos * x_m - sin * y_m + shift[0] - 0.5;
+        let y0 = self.at[1] + sin * x_m + cos * y_m + shift[1] - 0.5;
+        let (dx, dy) = (sin * step_m, -cos * step_m);
+        for (count, pair) in pairs.iter_mut().enumerate() {
+            let count = count as f32;
+            let x = (x0 + count * dx + MAGIC).to_bits() as usize % VIEW;
+            let y = (y0 + count * dy + MAGIC).to_bits() as usize % VIEW;
+            *pair = cells[y * VIEW + x];
+        }
     }
 
-    /// Occupancy and age of the local map: each cell takes sixteen samples. Its occupancy is the largest that is known, its
-    /// age the youngest; it is known where most samples are, or where one is occupied.
+    /// Occupancy and age of the local map: each cell takes sixteen samples. Its occupancy is the largest that is known,
+    /// its age the youngest; it is known where most samples are, or where one is occupied.
     pub(crate) fn local(&self, occupancy: &mut [u8; LOCAL_CELLS], age: &mut [u8; LOCAL_CELLS]) {
         let part = LOCAL_GRID.cell_m / SAMPLES as f32;
         let offset = |k: usize| (k as f32 - 0.5 * (SAMPLES - 1) as f32) * part;
-        for index in 0..LOCAL_CELLS {
-            let (x_m, y_m) = LOCAL_GRID.centre(index / LOCAL_SIDE, index % LOCAL_SIDE);
-            let (mut most, mut youngest, mut known) = (0, AGE_NEVER, 0);
+        let mut pairs = [NEVER; LOCAL_SIDE];
+        let rows = occupancy.chunks_exact_mut(LOCAL_SIDE).zip(age.chunks_exact_mut(LOCAL_SIDE)).enumerate();
+        for (row, (occupancy, age)) in rows {
+            let (x_m, y_m) = LOCAL_GRID.centre(row, 0);
+            let mut known = [0u8; LOCAL_SIDE];
+            occupancy.fill(0);
+            age.fill(AGE_NEVER);
             for sample in 0..SAMPLES * SAMPLES {
-                let [x, y] = self.place(x_m + offset(sample / SAMPLES), y_m + offset(sample % SAMPLES));
-                let cell = (y as usize).min(VIEW - 1) * VIEW + (x as usize).min(VIEW - 1);
-                let [occupied, seen] = self.cells[cell];
-                if seen != AGE_NEVER {
-                    most = most.max(occupied);
-                    youngest = youngest.min(seen);
-                    known += 1;
+                let (x_m, y_m) = (x_m + offset(sample / SAMPLES), y_m + offset(sample % SAMPLES));
+                self.sample(&self.cells, x_m, y_m, LOCAL_GRID.cell_m, [0.0; 2], &mut pairs);
+                for (col, [occupied, seen]) in pairs.iter().enumerate() {
+                    occupancy[col] = occupancy[col].max(*occupied);
+                    age[col] = age[col].min(*seen);
+                    known[col] += u8::from(*seen != AGE_NEVER);
                 }
             }
-            let is_known = known > SAMPLES * SAMPLES / 2 || most >= UNKNOWN;
-            occupancy[index] = if is_known { most } else { UNKNOWN };
-            age[index] = if is_known { youngest } else { AGE_NEVER };
+            for ((occupancy, age), known) in occupancy.iter_mut().zip(age).zip(known) {
+                let is_known = usize::from(known) > SAMPLES * SAMPLES / 2 || *occupancy >= UNKNOWN;
+                (*occupancy, *age) = if is_known { (*occupancy, *age) } else { (UNKNOWN, AGE_NEVER) };
+            }
         }
     }
 
     /// Occupancy and age of the safety map.
     pub(crate) fn safety(&self, occupancy: &mut [u8; SAFETY_CELLS], age: &mut [u8; SAFETY_CELLS]) {
         let half = 0.5 * SAFETY_GRID.cell_m / CELL_M as f32;
-        // Half the box round a turned cell.
+        // The box round a turned cell reaches over two or three grid cells each way: two pooled pairs hold them all.
         let extent = half * (self.heading[0].abs() + self.heading[1].abs()) + SLACK;
-        let mut corners = [[[0u8; 2]; SAFETY_SIDE]; 4];
-        for row in 0..SAFETY_SIDE {
-            for col in 0..SAFETY_SIDE {
-                let (x_m, y_m) = SAFETY_GRID.centre(row, col);
-                let [x, y] = self.place(x_m, y_m);
-                let bound = |part: f32| (part as usize).min(VIEW - 2);
-                let (x0, x1) = (bound(x - extent), bound(x + extent - 1.0));
-                let (y0, y1) = (bound(y - extent), bound(y + extent - 1.0));
-                corners[0][col] = self.pooled[y0 * VIEW + x0];
-                corners[1][col] = self.pooled[y0 * VIEW + x1];
-                corners[2][col] = self.pooled[y1 * VIEW + x0];
-                corners[3][col] = self.pooled[y1 * VIEW + x1];
+        let (low, high) = (-extent, extent - 1.0);
+        let mut pairs = [NEVER; SAFETY_SIDE];
+        let rows = occupancy.chunks_exact_mut(SAFETY_SIDE).zip(age.chunks_exact_mut(SAFETY_SIDE)).enumerate();
+        for (row, (occupancy, age)) in rows {
+            let (x_m, y_m) = SAFETY_GRID.centre(row, 0);
+            occupancy.fill(0);
+            age.fill(0);
+            for corner in [[low, low], [high, low], [low, high], [high, high]] {
+                self.sample(&self.pooled, x_m, y_m, SAFETY_GRID.cell_m, corner, &mut pairs);
+                for (col, [occupied, seen]) in pairs.iter().enumerate() {
+                    occupancy[col] = occupancy[col].max(*occupied);
+                    age[col] = age[col].max(*seen);
+                }
             }
-            let out = occupancy[row * SAFETY_SIDE..].iter_mut().zip(&mut age[row * SAFETY_SIDE..]);
-            for (col, (occupancy, age)) in out.take(SAFETY_SIDE).enumerate() {
-                let largest = |k: usize| corners.iter().fold(0, |most, corner| most.max(corner[col][k]));
-                *occupancy = largest(0);
-                *age = largest(1);
+            for (occupancy, age) in occupancy.iter_mut().zip(age) {
+                *occupancy = if *age == AGE_NEVER { UNKNOWN.max(*occupancy) } else { *occupancy };
             }
         }
     }
@@ -155,12 +172,86 @@ fn convert(grid: &Grid, start: usize, out: &mut [Pair], now: &Moment, sonar_tick
         let step = (log_odds * left * STEPS + 128.5).clamp(0.0, 255.0) as u8;
         let tenths = (ticks / 10).min(u32::from(AGE_OLDER)) as u8;
         let known = seen != 0 && left > 0.0;
-        let mut pair = if known { [table[usize::from(step)], tenths] } else { [UNKNOWN, AGE_NEVER] };
+        let mut pair = if known { [table[usize::from(step)], tenths] } else { NEVER };
         let sonar_age = now.tick.saturating_sub(sonar);
         if sonar != 0 && sonar_age <= sonar_ticks {
             let age = (sonar_age / 10).min(u32::from(AGE_OLDER)) as u8;
             pair = [pair[0].max(SONAR), pair[1].min(age)];
         }
         *out = pair;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use proptest::prelude::*;
+
+    /// Whether two squares overlap: one aligned with the cell `x, y` of the window, one of side 1 turned by `yaw` round `at`.
+    fn overlaps(x: f64, y: f64, at: [f64; 2], yaw_rad: f64) -> bool {
+        let (sin, cos) = libm::sincos(yaw_rad);
+        let (dx, dy) = (x + 0.5 - at[0], y + 0.5 - at[1]);
+        let reach = 0.5 + 0.5 * (sin.abs() + cos.abs()) - 1e-9;
+        let (along, aside) = (cos * dx + sin * dy, cos * dy - sin * dx);
+        dx.abs() < reach && dy.abs() < reach && along.abs() < reach && aside.abs() < reach
+    }
+
+    proptest! {
+        /// Random memory, random pose; each safety cell is compared with every grid cell it overlaps.
+        #[test]
+        fn the_safety_map_is_never_bolder_than_the_grid_below(
+            x_m in -50.0f64..50.0, y_m in -50.0f64..50.0, yaw_rad in -3.2f64..3.2, seed in any::<u64>()
+        ) {
+            let mut grid = Grid::new(&Config::shipped());
+            let pose = Pose2::new(x_m, y_m, yaw_rad);
+            grid.recentre(&pose);
+            let mut state = seed;
+            for index in 0..SIDE * SIDE {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                if state >> 61 != 0 {
+                    let seen = Moment { tick: 1 + (state >> 50) as u32 % 300, drift_m: 0.0 };
+                    grid.add(index, ((state >> 32) as u8 as f32 - 220.0) / 60.0, 0, &seen);
+                }
+            }
+            let now = Moment { tick: 400, drift_m: 0.01 };
+            let mut view = View::new();
+            view.refresh(&grid, &pose, &now, 0);
+            let (mut occupancy, mut age) = ([0; SAFETY_CELLS], [0; SAFETY_CELLS]);
+            view.safety(&mut occupancy, &mut age);
+            for index in (0..SAFETY_CELLS).step_by(7) {
+                let (bx, by) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+                let (ox_m, oy_m) = pose.transform(bx.into(), by.into());
+                let [ox, oy] = grid.origin();
+                let at = [ox_m / CELL_M - f64::from(ox), oy_m / CELL_M - f64::from(oy)];
+                for (dx, dy) in (0..25).map(|k| (k % 5 - 2, k / 5 - 2)) {
+                    let (x, y) = (at[0] as i32 + dx, at[1] as i32 + dy);
+                    if overlaps(x.into(), y.into(), at, yaw_rad) {
+                        let cell = view.cells[(y as usize - FIRST) * VIEW + x as usize - FIRST];
+                        prop_assert!(occupancy[index] >= cell[0] && age[index] >= cell[1], "cell {index}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// A lone cell 1.02 m ahead, seen at a quarter turn: exactly the cells that touch it show it.
+    #[test]
+    fn a_lone_obstacle_is_widened_by_less_than_a_cell() {
+        let mut grid = Grid::new(&Config::shipped());
+        let now = Moment { tick: 1, drift_m: 0.0 };
+        let pose = Pose2::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+        grid.recentre(&pose);
+        (0..SIDE * SIDE).for_each(|index| grid.set_free(index, &now));
+        let [x, y] = grid.window(0.02, 1.02);
+        grid.add(grid.index(x as usize, y as usize), 9.0, 1, &now);
+        let mut view = View::new();
+        view.refresh(&grid, &pose, &now, 0);
+        let (mut occupancy, mut age) = ([0; SAFETY_CELLS], [0; SAFETY_CELLS]);
+        view.safety(&mut occupancy, &mut age);
+        let shown = occupancy.iter().filter(|&&occupancy| occupancy > 128).count();
+        assert!((1..=9).contains(&shown), "{shown}");
+        let centre = SAFETY_GRID.index(1.02, -0.02).unwrap_or(0);
+        assert!(occupancy[centre] > 128);
     }
 }
