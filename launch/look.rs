@@ -1,18 +1,21 @@
 //! Looking into a run from outside: `sidestep topic` and `sidestep top`.
 
 use crate::failure::Failure;
-use sidestep_bus::{DomainName, Inbox, Keep, Link, NodeError, Step, host_ns, live_domains, pause};
+use sidestep_bus::{DomainName, Inbox, Keep, Link, NodeError, Step, environment, host_ns, live_domains, pause};
 use sidestep_msgs::{
     COMMAND, Code, Command, Health, Message, NodeState, Reason, TOPICS, Topic, TopicVisitor, Winner, health_topic, topic_named,
     visit_topics,
 };
 use std::time::Duration;
 
-/// The newest run of this user.
+/// The run named by the environment, as a node's own tools find it, else the newest run of this user.
 ///
 /// # Errors
 /// Exit code 3 where no run lives.
 pub(crate) fn newest_run() -> Result<DomainName, Failure> {
+    if let (Ok(prefix), Ok(root)) = (std::env::var(environment::DOMAIN), std::env::var(environment::ROOT)) {
+        return Ok(DomainName { prefix, root: root.into() });
+    }
     live_domains().into_iter().next().ok_or_else(|| Failure::io("no run is alive; start one with `sidestep run`"))
 }
 

@@ -8,6 +8,7 @@ mod manifest;
 mod monitor;
 mod operator;
 mod output;
+mod recordings;
 mod report;
 mod roles;
 mod run;
@@ -72,6 +73,30 @@ enum Commands {
         /// As for `run`.
         #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
         settings: Vec<String>,
+    },
+    /// Plays a recording into a live graph, open loop.
+    Play {
+        /// An .mcap file.
+        file: PathBuf,
+        /// Graph seconds per host second.
+        #[arg(long, default_value_t = 1.0)]
+        rate: f64,
+        /// Begins again at the end.
+        #[arg(long = "loop")]
+        repeat: bool,
+        /// [s] how far into the recording to begin.
+        #[arg(long, default_value_t = 0.0)]
+        start_offset: f64,
+        #[command(flatten)]
+        flags: RunFlags,
+    },
+    /// Says what a recording holds.
+    Info {
+        /// An .mcap or .mcap.active file.
+        file: PathBuf,
+        /// Writes the same as JSON.
+        #[arg(long)]
+        json: Option<PathBuf>,
     },
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
@@ -211,6 +236,11 @@ fn execute(command: Commands) -> Result<(), Failure> {
             output::line(&format!("graph {}: {} nodes: {}; robot {}", graph.origin, names.len(), names.join(", "), graph.robot.name));
             Ok(())
         }
+        Commands::Play { file, rate, repeat, start_offset, flags } => {
+            let graph = run_options(Some("play".to_owned()), flags);
+            run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
+        }
+        Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());

@@ -5,7 +5,8 @@ use crate::manifest::Graph;
 use sidestep_bus::{Inbox, Keep, Link, Step, host_ns};
 use sidestep_latency::Collector;
 use sidestep_msgs::{
-    COMMAND, Code, Command, EXPERT_COMMAND, Header, POLICY_COMMAND, Proposal, Reason, TRUTH, Truth, Winner,
+    COMMAND, Code, Command, DEPTH, DepthFrame, EXPERT_COMMAND, Header, POLICY_COMMAND, Proposal, Reason, TRUTH, Truth,
+    Winner,
 };
 use std::collections::BTreeMap;
 
@@ -14,6 +15,7 @@ const REST_NS: u64 = 300_000_000;
 
 struct Inboxes {
     link: Link,
+    depth: Inbox<DepthFrame>,
     commands: Inbox<Command>,
     policy: Inbox<Proposal>,
     expert: Inbox<Proposal>,
@@ -23,6 +25,7 @@ struct Inboxes {
 impl Inboxes {
     fn open(link: &Link) -> Result<Self, Failure> {
         Ok(Self {
+            depth: link.inbox(DEPTH, Keep::All)?,
             commands: link.inbox(COMMAND, Keep::All)?,
             policy: link.inbox(POLICY_COMMAND, Keep::All)?,
             expert: link.inbox(EXPERT_COMMAND, Keep::All)?,
@@ -104,6 +107,9 @@ impl Monitor {
         if let Some(truth) = self.inboxes.truth.newest(&mut self.step)? {
             self.truth = Some(*truth);
         }
+        while let Some(message) = self.inboxes.depth.next(&mut self.step)? {
+            self.latency.depth(message.capture_ns, message.header());
+        }
         while let Some(message) = self.inboxes.policy.next(&mut self.step)? {
             self.latency.header(POLICY_COMMAND.index, message.header());
         }
@@ -119,6 +125,7 @@ impl Monitor {
 
     fn command(&mut self, command: &Command, header: &Header) {
         self.latency.header(COMMAND.index, header);
+        self.latency.command(command);
         let reason = Reason::from_code(command.reason).map_or("unknown", Reason::label);
         let winner = Winner::from_code(command.winner).map_or("unknown", Winner::label);
         let standing = command.twist.v_m_s == 0.0 && command.twist.w_rad_s == 0.0;

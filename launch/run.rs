@@ -53,7 +53,7 @@ pub(crate) enum End {
 }
 
 /// Text of a path as a TOML string.
-fn quoted(path: &std::path::Path) -> String {
+pub(crate) fn quoted(path: &std::path::Path) -> String {
     toml::Value::String(path.display().to_string()).to_string()
 }
 
@@ -99,8 +99,7 @@ pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let summary = report::Summary::of(&graph, &supervisor, &monitor, &end);
     crate::output::line(&summary.text());
     if let Some(path) = &options.json {
-        let text = serde_json::to_string_pretty(&summary.json()).unwrap_or_default();
-        std::fs::write(path, text + "\n").map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
+        crate::output::json(path, &summary.json())?;
     }
     summary.verdict(options)
 }

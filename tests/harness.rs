@@ -4,10 +4,22 @@ use serde_json::Value;
 use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Time after which a command that should have ended is killed and the test fails.
 const WATCHDOG: Duration = Duration::from_secs(180);
+
+/// One graph at a time: two would share two cores, and each would see the other's load as its own fault.
+pub(crate) struct Alone(#[allow(dead_code, reason = "held, not read")] MutexGuard<'static, ()>);
+
+impl Alone {
+    pub(crate) fn wait() -> Self {
+        static MACHINE: Mutex<()> = Mutex::new(());
+        // A test that failed while it held the machine has ended its processes.
+        Self(MACHINE.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
 
 /// What a command printed and how it ended.
 #[derive(Debug)]
@@ -108,4 +120,77 @@ pub(crate) fn data(what: &str) -> Option<PathBuf> {
         eprintln!("skipped: {what}: SIDESTEP_DATA is not set to the folder of shared data");
     }
     folder
+}
+
+/// A run in the background, watched from outside.
+#[derive(Debug)]
+pub(crate) struct Running {
+    child: Option<Child>,
+}
+
+impl Running {
+    /// Starts `sidestep ARGUMENTS`.
+    pub(crate) fn start(mut command: Command) -> Self {
+        Self { child: Some(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()) }
+    }
+
+    fn launcher(&self) -> u32 {
+        self.child.as_ref().unwrap().id()
+    }
+
+    /// Process number of a node, or of any child whose name it begins.
+    pub(crate) fn node(&self, name: &str) -> Option<u32> {
+        let launcher = self.launcher();
+        let children = std::fs::read_to_string(format!("/proc/{launcher}/task/{launcher}/children")).unwrap_or_default();
+        let wanted = format!("sidestep-{name}");
+        children.split_whitespace().filter_map(|id| id.parse().ok()).find(|id: &u32| {
+            let line = std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default();
+            line.split(|&byte| byte == 0).next().is_some_and(|program| program == wanted.as_bytes())
+        })
+    }
+
+    /// Waits until something holds; fails when the run ends first or the watchdog barks.
+    pub(crate) fn wait_for<T>(&mut self, what: &str, mut holds: impl FnMut(&Self) -> Option<T>) -> T {
+        let deadline_ns = sidestep_bus::host_ns() + WATCHDOG.as_nanos() as u64;
+        loop {
+            if let Some(value) = holds(self) {
+                return value;
+            }
+            let ended = self.child.as_mut().unwrap().try_wait().unwrap().is_some();
+            if ended || sidestep_bus::host_ns() > deadline_ns {
+                let _ = self.child.as_mut().unwrap().kill();
+                let outcome = finish(self.child.take().unwrap());
+                panic!("waited for {what}:\n{}{}", outcome.out, outcome.err);
+            }
+            sidestep_bus::pause(Duration::from_millis(2));
+        }
+    }
+
+    /// Sends a signal to the launcher.
+    pub(crate) fn signal(&self, signal: i32) {
+        send_signal(self.launcher(), signal);
+    }
+
+    /// Waits for its end.
+    pub(crate) fn finish(mut self) -> Outcome {
+        finish(self.child.take().unwrap())
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Sends a signal to a process of this test.
+#[allow(unsafe_code, reason = "std can only kill its own children")]
+pub(crate) fn send_signal(process: u32, signal: i32) {
+    // SAFETY: kill has no memory preconditions.
+    unsafe {
+        libc::kill(process as libc::pid_t, signal);
+    }
 }

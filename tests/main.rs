@@ -8,3 +8,12 @@ mod harness;
 
 // Messages of the command line: every error a user can cause, with its exit code.
 mod command_line;
+
+// The default drive, as a newcomer sees it.
+mod drive;
+
+// Killed and hung nodes, operators, orphans: the robot stops in time, the graph comes back, nothing is left.
+mod faults;
+
+// No step allocates after its start.
+mod allocations;

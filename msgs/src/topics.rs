@@ -105,14 +105,14 @@ macro_rules! topics {
 topics! {
     /// Graph time.
     CLOCK: Clock = 0 "clock" by "driver" at 1.0 Hz, buffer 64, borrow 2, history 1, readers 16;
-    /// Depth frames.
-    DEPTH: DepthFrame = 1 "depth" by "driver" at 30.0 Hz, buffer 4, borrow 1, history 0, readers 4;
-    /// Lidar sweeps.
-    SCAN: Scan = 2 "scan" by "driver" at 30.0 Hz, buffer 8, borrow 1, history 0, readers 4;
     /// Pose and velocity.
-    ODOMETRY: Odometry = 3 "odometry" by "driver" at 100.0 Hz, buffer 128, borrow 2, history 1, readers 8;
+    ODOMETRY: Odometry = 1 "odometry" by "driver" at 100.0 Hz, buffer 128, borrow 2, history 1, readers 8;
     /// Ultrasonic sensors.
-    RANGES: Ranges = 4 "ranges" by "driver" at 20.0 Hz, buffer 32, borrow 2, history 1, readers 6;
+    RANGES: Ranges = 2 "ranges" by "driver" at 20.0 Hz, buffer 32, borrow 2, history 1, readers 6;
+    /// Depth frames.
+    DEPTH: DepthFrame = 3 "depth" by "driver" at 30.0 Hz, buffer 4, borrow 1, history 0, readers 6;
+    /// Lidar sweeps.
+    SCAN: Scan = 4 "scan" by "driver" at 30.0 Hz, buffer 8, borrow 1, history 0, readers 4;
     /// Path to follow.
     PATH: Path = 5 "path" by "driver" at 0.0 Hz, buffer 8, borrow 2, history 1, readers 6;
     /// Person to follow.

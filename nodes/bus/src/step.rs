@@ -2,6 +2,9 @@
 
 use sidestep_msgs::{Header, INPUTS_MAX, STAGES, Stage, StageStamp, Status, Taken};
 
+/// [ns] graph time between two states of a node.
+const STATE_EVERY_NS: u64 = 10_000_000_000;
+
 /// Given to the node's closure at each wake; keeps what was taken until an output carried it away.
 #[derive(Debug)]
 pub struct Step {
@@ -13,6 +16,7 @@ pub struct Step {
     pub(crate) tick: bool,
     pub(crate) wake_at_ns: Option<u64>,
     pub(crate) published: bool,
+    state_due_ns: u64,
     pub(crate) status: Status,
     source_frame: u64,
     stages: [StageStamp; STAGES],
@@ -40,6 +44,7 @@ impl Step {
             tick: false,
             wake_at_ns: None,
             published: false,
+            state_due_ns: 0,
             status: Status::Ok,
             source_frame: 0,
             stages: [StageStamp::default(); STAGES],
@@ -79,6 +84,16 @@ impl Step {
     #[must_use]
     pub fn is_open_loop(&self) -> bool {
         self.open_loop
+    }
+
+    /// Whether the node owes its state to the recording: after its first step, then every 10 s; asking settles the debt.
+    #[must_use]
+    pub fn owes_state(&mut self) -> bool {
+        let due = self.epoch_raised || self.now_ns >= self.state_due_ns;
+        if due {
+            self.state_due_ns = self.now_ns + STATE_EVERY_NS;
+        }
+        due
     }
 
     /// Whether the period of [`crate::Link::tick_every`] has passed.
@@ -123,7 +138,11 @@ impl Step {
             entry.last = header.sequence;
             entry.count += 1;
         } else if self.taken_count < INPUTS_MAX {
-            self.taken[self.taken_count] = Taken {
+            // In the order of the table, whatever the order of the inboxes.
+            let place =
+                entries.iter().position(|entry| entry.topic as usize > topic).unwrap_or(self.taken_count);
+            self.taken.copy_within(place..self.taken_count, place + 1);
+            self.taken[place] = Taken {
                 first: header.sequence,
                 last: header.sequence,
                 count: 1,

@@ -79,7 +79,8 @@ fn depth_640x480_and_both_maps(bencher: Bencher) {
 fn scan_720_beams_and_both_maps(bencher: Bencher) {
     let mut mapper =
         Mapper::new(&Config::shipped(), &scene::jackal()).unwrap_or_else(|error| unreachable!("{error}"));
-    let mut scan = Scan { first_rad: -2.356, step_rad: 4.712 / 720.0, near_m: 0.1, far_m: 10.0, ..Scan::default() };
+    let mut scan =
+        Scan { first_rad: -2.356, step_rad: 4.712 / 720.0, near_m: 0.1, far_m: 10.0, ..Scan::default() };
     scan.count = 720;
     for (beam, range_m) in scan.range_m.iter_mut().enumerate() {
         *range_m = 1.5 + 2.0 * (beam / 40 % 3) as f32;

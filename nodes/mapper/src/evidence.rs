@@ -97,9 +97,8 @@ impl Evidence {
         self.silent.clear();
         let [x_from, x_to, y_from, y_to] = lens.reach(config.far_m);
         let square_px = lens.pixels_at_1_m(config.support_side_m);
-        let needed = |depth_m: f32| {
-            (square_px / (depth_m * depth_m).max(0.01)).max(config.support_min_px as f32)
-        };
+        let needed =
+            |depth_m: f32| (square_px / (depth_m * depth_m).max(0.01)).max(config.support_min_px as f32);
         for y in y_from..y_to {
             let row = &mut self.counts[y * SIDE * CLASSES..][..SIDE * CLASSES];
             let cells = row.chunks_exact_mut(CLASSES).enumerate().take(x_to).skip(x_from);

@@ -119,10 +119,7 @@ impl Grid {
 
     /// A point of `odom` in cells of the window.
     pub(crate) fn window(&self, x_m: f64, y_m: f64) -> [f32; 2] {
-        [
-            (x_m / CELL_M - f64::from(self.origin[0])) as f32,
-            (y_m / CELL_M - f64::from(self.origin[1])) as f32,
-        ]
+        [(x_m / CELL_M - f64::from(self.origin[0])) as f32, (y_m / CELL_M - f64::from(self.origin[1])) as f32]
     }
 
     /// Rolls the window so that the pose lies in its middle cell.

@@ -147,7 +147,11 @@ impl Mapper {
         }
         let mount = scan.sensor;
         let most = f64::from(MOUNT_MAX_M);
-        if !(mount.is_finite() && mount.x_m.abs() < most && mount.y_m.abs() < most && mount.yaw_rad.abs() < 10.0) {
+        if !(mount.is_finite()
+            && mount.x_m.abs() < most
+            && mount.y_m.abs() < most
+            && mount.yaw_rad.abs() < 10.0)
+        {
             return Status::RefusedPose;
         }
         if !scan.range_m[..scan.count as usize].iter().any(|&range_m| range_m >= scan.near_m) {

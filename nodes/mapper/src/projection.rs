@@ -52,7 +52,13 @@ pub(crate) struct Lens {
 
 impl Lens {
     /// Places the camera of a frame, given the body at the capture stamp and its base in window cells.
-    pub(crate) fn new(frame: &DepthFrame, body: &Sample, base: [f32; 2], disparity_m_px: f32, now: Moment) -> Self {
+    pub(crate) fn new(
+        frame: &DepthFrame,
+        body: &Sample,
+        base: [f32; 2],
+        disparity_m_px: f32,
+        now: Moment,
+    ) -> Self {
         // disparity_m_px = sigma_d / baseline; sigma(z) = z^2 sigma_d / (f B).
         let turn = |axis: Vector3<f32>| Rotation3::new(axis).into_inner();
         let tilt = turn(Vector3::y() * body.pitch_rad) * turn(Vector3::x() * body.roll_rad);
@@ -334,7 +340,8 @@ mod tests {
         (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px) = (600.0, 600.0, 320.0, 240.0);
         frame.camera = sidestep_msgs::Isometry::camera(0.0, 0.0, 0.5, 0.0);
         let pose = sidestep_msgs::Pose2::ORIGIN;
-        let body = Sample { stamp_ns: 1, pose, twist: sidestep_msgs::Twist::STOP, roll_rad: 0.0, pitch_rad: 0.0 };
+        let body =
+            Sample { stamp_ns: 1, pose, twist: sidestep_msgs::Twist::STOP, roll_rad: 0.0, pitch_rad: 0.0 };
         let lens = Lens::new(&frame, &body, [96.0, 96.0], 0.0, Moment { tick: 1, drift_m: 0.0 });
         // 2 m ahead, 0.4 m left, 0.2 m below the camera: u = 320 - 600 * 0.4 / 2, v = 240 + 600 * 0.2 / 2.
         let (pixel, depth_m) = lens.pixel(96.0 + 40.0, 96.0 + 8.0, 0.3).unwrap();

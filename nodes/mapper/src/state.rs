@@ -27,12 +27,8 @@ impl Mapper {
     /// Writes all that the step keeps; returns the bytes used, 0 when there is no room.
     pub fn state(&self, out: &mut [u8]) -> usize {
         let Some(out) = out.get_mut(..SIZE) else { return 0 };
-        let head = Head {
-            version: VERSION,
-            origin: self.grid.origin(),
-            memory: self.memory,
-            history: self.history,
-        };
+        let head =
+            Head { version: VERSION, origin: self.grid.origin(), memory: self.memory, history: self.history };
         let grid = &self.grid;
         let parts: [&[u8]; 6] = [
             bytes_of(&head),
@@ -65,7 +61,8 @@ impl Mapper {
         let within = |cell: &[u8]| f32::from_ne_bytes([cell[0], cell[1], cell[2], cell[3]]).abs() < 1e6;
         let finite = log_odds.chunks_exact(4).chain(drift_m.chunks_exact(4)).all(within);
         let placed = head.origin.iter().all(|part| part.abs_diff(0) < 1 << 28);
-        let sound = head.history.is_sound() && head.memory.pose.is_finite() && head.memory.drift_m.is_finite();
+        let sound =
+            head.history.is_sound() && head.memory.pose.is_finite() && head.memory.drift_m.is_finite();
         if head.version != VERSION || !(finite && placed && sound) {
             return false;
         }

@@ -93,7 +93,15 @@ impl View {
     /// Fills `pairs` with the cells under points of `base`: the first at `(x_m, y_m)`, each next one `step_m` to the
     /// right, all of them moved by `shift` cells of the view.
     #[inline(always)]
-    fn sample(&self, cells: &[Pair; CELLS], x_m: f32, y_m: f32, step_m: f32, shift: [f32; 2], pairs: &mut [Pair]) {
+    fn sample(
+        &self,
+        cells: &[Pair; CELLS],
+        x_m: f32,
+        y_m: f32,
+        step_m: f32,
+        shift: [f32; 2],
+        pairs: &mut [Pair],
+    ) {
         let [cos, sin] = self.heading.map(|part| part / CELL_M as f32);
         // Half a cell less, since the conversion to integers rounds to the nearest.
         let x0 = self.at[0] + cos * x_m - sin * y_m + shift[0] - 0.5;

@@ -161,8 +161,10 @@ fn other_cameras_see_the_same_box() {
 /// Mirrors an uneven world; both maps must be mirrored too.
 #[test]
 fn a_mirrored_world_gives_a_mirrored_map() {
-    let left = Scene::default().stand([1.53, 1.77], [0.13, 0.41], 0.5).stand([2.02, 2.2], [-0.77, -0.33], 0.9);
-    let right = Scene::default().stand([1.53, 1.77], [-0.41, -0.13], 0.5).stand([2.02, 2.2], [0.33, 0.77], 0.9);
+    let left =
+        Scene::default().stand([1.53, 1.77], [0.13, 0.41], 0.5).stand([2.02, 2.2], [-0.77, -0.33], 0.9);
+    let right =
+        Scene::default().stand([1.53, 1.77], [-0.41, -0.13], 0.5).stand([2.02, 2.2], [0.33, 0.77], 0.9);
     let [a, b] = [left, right].map(|scene| looked(&scene, &View::level(Pose2::ORIGIN), 1, 16));
     let differing = |a: &[u8], b: &[u8], side: usize| {
         let mirror = |index: usize| index / side * side + side - 1 - index % side;

@@ -5,8 +5,8 @@ mod scene;
 use scene::{Scene, View, frame, loomo};
 use sidestep_mapper::{CLEAR_BELOW, Config, Mapper};
 use sidestep_msgs::{
-    AGE_NEVER, AGE_OLDER, DepthFrame, LocalMap, MAPPER_STATE_BYTES, Odometry, Pose2, Range, Ranges, SAFETY_GRID,
-    SafetyMap, Status,
+    AGE_NEVER, AGE_OLDER, DepthFrame, LocalMap, MAPPER_STATE_BYTES, Odometry, Pose2, Range, Ranges,
+    SAFETY_GRID, SafetyMap, Status,
 };
 
 const PERIOD_NS: u64 = 33_333_333;
@@ -49,7 +49,8 @@ fn is_free((occupancy, age): (u8, u8)) -> bool {
 #[test]
 fn a_box_stays_occupied_until_it_is_below_the_view_and_after() {
     for height_m in [0.1, 0.3, 0.5] {
-        let scene = Scene::default().stand([3.0, 3.3], [-0.2, 0.2], height_m).stand([4.5, 4.6], [-4.0, 4.0], 2.0);
+        let scene =
+            Scene::default().stand([3.0, 3.3], [-0.2, 0.2], height_m).stand([4.5, 4.6], [-4.0, 4.0], 2.0);
         let mut mapper = mapper(true);
         let mut marked = false;
         for count in 1..=120u64 {
@@ -80,7 +81,12 @@ fn a_ray_under_a_stored_table_top_never_clears_it() {
         if view.pose.x_m > 1.3 {
             let map = safety(&mapper);
             let edge = (0..20).map(|k| at(&map, 3.02, -0.475 + 0.05 * f64::from(k)).0);
-            assert!(edge.clone().all(|occupancy| occupancy > 166), "at {} m: {:?}", view.pose.x_m, edge.min());
+            assert!(
+                edge.clone().all(|occupancy| occupancy > 166),
+                "at {} m: {:?}",
+                view.pose.x_m,
+                edge.min()
+            );
         }
     }
 }
@@ -268,7 +274,11 @@ fn a_restored_mapper_continues_with_the_same_bytes() {
     let _ = first.state(&mut bytes);
     let _ = second.state(&mut again);
     assert!(bytes == again);
-    assert!(!first.restore(&bytes[..size - 1]) && !first.restore(&vec![0; size]) && !first.restore(&vec![0xff; size]));
+    assert!(
+        !first.restore(&bytes[..size - 1])
+            && !first.restore(&vec![0; size])
+            && !first.restore(&vec![0xff; size])
+    );
     assert_eq!(first.state(&mut [0; 10]), 0);
     assert_eq!(safety(&first), safety(&second));
 }

@@ -1,0 +1,64 @@
+//! The mapper in the graph: one local map and one safety map per depth frame or sweep.
+
+use crate::{Config, Mapper};
+use sidestep_bus::{Boot, Keep, Link, NodeError, Step};
+use sidestep_msgs::{
+    DEPTH, Header, LOCAL_MAP, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage, Status,
+};
+
+/// Maps until asked to stop.
+///
+/// # Errors
+/// [`NodeError::Configuration`] with key, found and needed, or [`NodeError::Transport`].
+pub fn run(boot: &Boot) -> Result<(), NodeError> {
+    let mut config: Config = boot.config()?;
+    // The operator granted the disc at the start of the run; a mapper that starts again must see for itself.
+    config.grant_start_disc &= boot.incarnation == 0;
+    let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
+    let mut mapper = Mapper::new(&config, &boot.robot()?).map_err(refused)?;
+
+    let mut link = Link::open(boot)?;
+    let mut depth = link.inbox(DEPTH, Keep::Newest)?;
+    let mut scan = link.inbox(SCAN, Keep::Newest)?;
+    let mut odometry = link.inbox(ODOMETRY, Keep::All)?;
+    let mut ranges = link.inbox(RANGES, Keep::All)?;
+    let mut local = link.outbox(LOCAL_MAP)?;
+    let mut safety = link.outbox(SAFETY_MAP)?;
+    let mut states = link.outbox(STATE_MAPPER)?;
+    link.wake_on(DEPTH)?;
+    link.wake_on(SCAN)?;
+    link.run(|step| {
+        if step.epoch_raised() {
+            mapper.reset();
+        }
+        let frame = depth.newest(step)?;
+        let sweep = scan.newest(step)?;
+        if frame.is_none() && sweep.is_none() {
+            return Ok(());
+        }
+        odometry.each(step, |message, _| mapper.odometry(message))?;
+        ranges.each(step, |message, _| mapper.ranges(message))?;
+        let mut answer = |step: &mut Step, input: &Header, status: Status| -> Result<(), NodeError> {
+            step.follow(input, Stage::Mapper);
+            step.status(status);
+            local.send(step, |map| mapper.write_local(map))?;
+            safety.send(step, |map| mapper.write_safety(map))
+        };
+        if let Some(frame) = frame {
+            let status = mapper.depth(&frame);
+            answer(step, frame.header(), status)?;
+        }
+        if let Some(sweep) = sweep {
+            let status = mapper.scan(&sweep);
+            answer(step, sweep.header(), status)?;
+        }
+        if step.owes_state() {
+            let after_sequence = local.next_sequence() - 1;
+            states.send(step, |state| {
+                state.after_sequence = after_sequence;
+                state.size = mapper.state(&mut state.bytes) as u64;
+            })?;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,278 @@
+//! Nodes are killed and stopped; the graph comes back, the robot stops in time, nothing is left.
+
+use crate::harness::{Alone, Folder, Outcome, Running, finish, send_signal, sidestep};
+use serde_json::Value;
+use sidestep_bus::{DomainName, Keep, Link, Step, environment, host_ns, pause};
+use sidestep_msgs::{COMMAND, Code, Command, Reason};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::time::Duration;
+
+const NODES: &[&str] = &["sim", "mapper", "goal", "policy", "expert", "arbiter", "recorder"];
+/// Supervision for tests on a loaded machine: restarts without end or pause, and patience with slow starts.
+const PATIENT: &[&str] = &[
+    "--set", "supervision.restarts_most=1000000", "--set", "supervision.delay_most_ms=1",
+    "--set", "supervision.hang_ms=5000", "--set", "supervision.start_ms=60000",
+];
+
+/// A small image: these tests are about processes, and share the machine.
+const SMALL: &[&str] = &["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
+
+/// SplitMix64: the seed is printed by its user.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % bound
+    }
+}
+
+fn left_in_shared_memory(prefix: &str) -> Vec<String> {
+    let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with(prefix)).collect()
+}
+
+fn kills() -> u64 {
+    std::env::var("SIDESTEP_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(50)
+}
+
+/// Kills nodes at random moments; each must be there again, and the drive must go on to a clean end.
+fn survives_kills(command: std::process::Command, json: &Path, seed: u64) {
+    let _alone = Alone::wait();
+    let count = kills();
+    eprintln!("{count} kills, seed {seed}");
+    let mut random = Random(seed);
+    let mut running = Running::start(command);
+    for node in NODES {
+        running.wait_for(node, |running| running.node(node));
+    }
+    let mut back_ms = Vec::new();
+    for _ in 0..count {
+        let node = NODES[random.below(NODES.len() as u64) as usize];
+        let process = running.wait_for(node, |running| running.node(node));
+        // From the first instant of its life to well into its work.
+        pause(Duration::from_millis(random.below(60)));
+        let killed_ns = host_ns();
+        send_signal(process, libc::SIGKILL);
+        running.wait_for(node, |running| running.node(node).filter(|&id| id != process));
+        back_ms.push((host_ns() - killed_ns) / 1_000_000);
+    }
+    pause(Duration::from_secs(3));
+    running.signal(libc::SIGTERM);
+    let outcome = running.finish();
+    back_ms.sort_unstable();
+    eprintln!("process back after p50 {} ms, max {} ms", back_ms[back_ms.len() / 2], back_ms[back_ms.len() - 1]);
+    let summary: Value = serde_json::from_str(&std::fs::read_to_string(json).unwrap_or_default())
+        .unwrap_or_else(|error| panic!("{error}: {}{}", outcome.out, outcome.err));
+    let restarts: u64 = NODES.iter().map(|node| summary["nodes"][*node]["restarts"].as_u64().unwrap()).sum();
+    assert!(restarts >= count, "{restarts} restarts: {summary:#}");
+    assert!(summary["nodes"]["mapper"]["exit"] == "exit 0", "{summary:#}\n{}", outcome.err);
+}
+
+#[test]
+fn killed_nodes_come_back_as_root_or_whoever_runs_the_test() {
+    let folder = Folder::new("kills");
+    let (json, recordings) = (folder.join("summary.json"), folder.join("recordings"));
+    let (json_text, recordings) = (json.display().to_string(), recordings.display().to_string());
+    let arguments = [&["run", "sim", "--json", &json_text, "--record", &recordings], PATIENT, SMALL].concat();
+    survives_kills(sidestep(&arguments), &json, 11);
+}
+
+#[test]
+fn killed_nodes_come_back_as_an_ordinary_user() {
+    const NOBODY: u32 = 65_534;
+    if !std::fs::metadata("/proc/self").is_ok_and(|data| std::os::unix::fs::MetadataExt::uid(&data) == 0) {
+        eprintln!("skipped: only root can become another user");
+        return;
+    }
+    let folder = Folder::new("kills-nobody");
+    // The build folder may be closed to others: the binary travels alone, as it does to a robot.
+    let binary = folder.join("sidestep");
+    std::fs::copy(env!("CARGO_BIN_EXE_sidestep"), &binary).unwrap();
+    for path in [&folder.0, &binary] {
+        std::os::unix::fs::chown(path, Some(NOBODY), Some(NOBODY)).unwrap();
+    }
+    let json = folder.join("summary.json");
+    let recordings = folder.join("recordings").display().to_string();
+    let mut command = std::process::Command::new(&binary);
+    command.args(["run", "sim", "--json", &json.display().to_string(), "--record", &recordings]).args(PATIENT).args(SMALL);
+    command.current_dir(&folder.0).stdin(std::process::Stdio::null()).uid(NOBODY).gid(NOBODY);
+    command.env_remove("XDG_RUNTIME_DIR");
+    survives_kills(command, &json, 12);
+}
+
+/// A run that drives, with a reader of all its commands.
+struct Drive {
+    running: Running,
+    link: Link,
+    commands: sidestep_bus::Inbox<Command>,
+    step: Step,
+    domain: DomainName,
+    _folder: Folder,
+    _alone: Alone,
+}
+
+impl Drive {
+    fn start(name: &str, settings: &[&str]) -> Self {
+        let alone = Alone::wait();
+        let folder = Folder::new(name);
+        let recordings = folder.join("recordings").display().to_string();
+        let fixed = ["run", "sim", "--lead", "expert", "--record", &recordings, "--set", "supervision.start_ms=60000"];
+        let fixed = [&fixed, SMALL].concat();
+        let mut running = Running::start(sidestep(&[&fixed, settings].concat()));
+        let own = |running: &Running| {
+            let text = std::fs::read(format!("/proc/{}/environ", running.node("arbiter")?)).ok()?;
+            let text = String::from_utf8_lossy(&text).into_owned();
+            let value = |name: &str| {
+                text.split('\0').find_map(|line| line.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
+            };
+            Some(DomainName { prefix: value(environment::DOMAIN)?, root: value(environment::ROOT)?.into() })
+        };
+        let domain = running.wait_for("its domain", own);
+        let link = running.wait_for("a link", |_| Link::attach(&domain, "test", 0, 0).ok());
+        let commands = link.inbox(COMMAND, Keep::All).unwrap();
+        let mut drive = Self { running, link, commands, step: Step::new(), domain, _folder: folder, _alone: alone };
+        drive.until("driving", |command| command.twist.v_m_s > 0.3);
+        drive
+    }
+
+    /// Reads commands until one fits; all read are returned.
+    fn until(&mut self, what: &str, mut fits: impl FnMut(&Command) -> bool) -> Vec<(u64, Command)> {
+        let mut seen = Vec::new();
+        let Self { running, link, commands, step, .. } = self;
+        running.wait_for(what, |_| {
+            link.look(step).unwrap();
+            let mut found = None;
+            commands
+                .each(step, |command, header| {
+                    seen.push((header.now_ns, *command));
+                    if fits(command) {
+                        found = Some(());
+                    }
+                })
+                .unwrap();
+            found
+        });
+        seen
+    }
+
+    /// Says something as an operator of this run.
+    fn say(&self, what: &str) -> Outcome {
+        let mut command = sidestep(&[what]);
+        command.env(environment::DOMAIN, &self.domain.prefix).env(environment::ROOT, &self.domain.root);
+        command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        finish(command.spawn().unwrap())
+    }
+
+    fn end(self) -> Outcome {
+        self.running.signal(libc::SIGINT);
+        let outcome = self.running.finish();
+        assert_eq!(left_in_shared_memory(&self.domain.prefix), Vec::<String>::new());
+        assert!(!self.domain.root.exists());
+        outcome
+    }
+}
+
+fn is(command: &Command, reason: Reason) -> bool {
+    Reason::from_code(command.reason) == Some(reason)
+}
+
+/// Breaks a node in a way, and looks at the order of reasons and at the ages in graph time.
+fn stops_in_time(name: &str, node: &str, signal: i32, reason: Reason) {
+    let mut drive = Drive::start(name, &[]);
+    let process = drive.running.node(node).unwrap();
+    let before_ns = host_ns();
+    send_signal(process, signal);
+    let seen = drive.until("the stop", |command| is(command, reason));
+    let (stop_ns, _) = seen.last().unwrap();
+    eprintln!("{node} {name}: {:.0} ms to the stop command", (stop_ns - before_ns) as f64 * 1e-6);
+    // Until the stop, every command rested on inputs within their ages.
+    for (now_ns, command) in &seen[..seen.len() - 1] {
+        let driving = command.twist.v_m_s != 0.0 && !is(command, reason);
+        let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;
+        assert!(!driving || young, "at {now_ns}: {command:?}");
+    }
+    drive.until("driving again", |command| command.twist.v_m_s > 0.2);
+    let outcome = drive.end();
+    assert!(outcome.err.contains("started again, incarnation 1"), "{}", outcome.err);
+}
+
+#[test]
+fn a_killed_mapper_stops_the_robot_and_the_drive_goes_on() {
+    stops_in_time("killed-mapper", "mapper", libc::SIGKILL, Reason::StaleMap);
+}
+
+#[test]
+fn a_hung_mapper_stops_the_robot_and_is_replaced() {
+    stops_in_time("hung-mapper", "mapper", libc::SIGSTOP, Reason::StaleMap);
+}
+
+#[test]
+fn a_killed_goal_stops_the_robot_and_the_drive_goes_on() {
+    stops_in_time("killed-goal", "goal", libc::SIGKILL, Reason::StaleGoal);
+}
+
+#[test]
+fn a_killed_lead_hands_over_to_the_other_proposal() {
+    let mut drive = Drive::start("killed-lead", &[]);
+    send_signal(drive.running.node("expert").unwrap(), libc::SIGKILL);
+    drive.until("the other proposal", |command| is(command, Reason::OtherProposal));
+    drive.until("the lead again", |command| command.winner == sidestep_msgs::Winner::Expert as u32);
+    drive.end();
+}
+
+#[test]
+fn a_killed_arbiter_brakes_before_it_drives_on() {
+    let mut drive = Drive::start("killed-arbiter", &[]);
+    send_signal(drive.running.node("arbiter").unwrap(), libc::SIGKILL);
+    drive.until("starting", |command| is(command, Reason::Starting));
+    drive.until("driving again", |command| command.twist.v_m_s > 0.2);
+    drive.end();
+}
+
+#[test]
+fn an_emergency_stop_holds_across_a_crash_until_the_operator_resets_it() {
+    let mut drive = Drive::start("estop", &[]);
+    let said = drive.say("estop");
+    assert_eq!(said.code, 0, "{}{}", said.out, said.err);
+    drive.until("the latch", |command| is(command, Reason::EstopLatched) && command.twist.v_m_s == 0.0);
+    let process = drive.running.node("arbiter").unwrap();
+    send_signal(process, libc::SIGKILL);
+    drive.running.wait_for("a new arbiter", |running| running.node("arbiter").filter(|&id| id != process));
+    let seen = drive.until("the latch again", |command| is(command, Reason::EstopLatched));
+    assert!(seen.iter().all(|(_, command)| command.twist.v_m_s == 0.0), "moved though latched");
+    let said = drive.say("reset");
+    assert_eq!(said.code, 0, "{}{}", said.out, said.err);
+    drive.until("driving again", |command| command.twist.v_m_s > 0.2);
+    drive.end();
+}
+
+#[test]
+fn a_second_ctrl_c_ends_everything_at_once_and_leaves_nothing() {
+    let drive = Drive::start("twice", &[]);
+    drive.running.signal(libc::SIGINT);
+    drive.running.signal(libc::SIGINT);
+    let prefix = drive.domain.prefix.clone();
+    drive.running.finish();
+    assert_eq!(left_in_shared_memory(&prefix), Vec::<String>::new());
+}
+
+#[test]
+fn what_a_killed_launcher_leaves_is_wiped_by_the_next_run() {
+    let drive = Drive::start("orphans", &[]);
+    let nodes: Vec<_> = NODES.iter().filter_map(|node| drive.running.node(node)).collect();
+    drive.running.signal(libc::SIGKILL);
+    let Drive { running, domain, .. } = drive;
+    running.finish();
+    pause(Duration::from_millis(1200));
+    let dead = |id: &u32| !Path::new(&format!("/proc/{id}/fd")).exists();
+    assert!(nodes.iter().all(dead), "a node outlived its launcher");
+    let next = sidestep_bus::Domain::create(host_ns() & 0xffff_ffff).unwrap();
+    assert_eq!(left_in_shared_memory(&domain.prefix), Vec::<String>::new());
+    drop(next);
+}
