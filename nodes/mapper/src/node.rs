@@ -1,10 +1,8 @@
 //! The mapper in the graph: one local map and one safety map per depth frame or sweep.
 
 use crate::{Config, Mapper};
-use sidestep_bus::{Boot, Keep, Link, NodeError, Step};
-use sidestep_msgs::{
-    DEPTH, Header, LOCAL_MAP, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage, Status,
-};
+use sidestep_bus::{Boot, Keep, Link, NodeError};
+use sidestep_msgs::{DEPTH, LOCAL_MAP, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage};
 
 /// Maps until asked to stop.
 ///
@@ -32,26 +30,22 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
             mapper.reset();
         }
         let frame = depth.newest(step)?;
-        let sweep = scan.newest(step)?;
+        // One frame per step: a sweep beside a depth frame waits for the next wake.
+        let sweep = if frame.is_none() { scan.newest(step)? } else { None };
         if frame.is_none() && sweep.is_none() {
             return Ok(());
         }
         odometry.each(step, |message, _| mapper.odometry(message))?;
         ranges.each(step, |message, _| mapper.ranges(message))?;
-        let mut answer = |step: &mut Step, input: &Header, status: Status| -> Result<(), NodeError> {
-            step.follow(input, Stage::Mapper);
-            step.status(status);
-            local.send(step, |map| mapper.write_local(map))?;
-            safety.send(step, |map| mapper.write_safety(map))
-        };
-        if let Some(frame) = frame {
-            let status = mapper.depth(&frame);
-            answer(step, frame.header(), status)?;
+        if let Some(frame) = &frame {
+            step.follow(frame.header(), Stage::Mapper);
+            step.status(mapper.depth(frame));
+        } else if let Some(sweep) = &sweep {
+            step.follow(sweep.header(), Stage::Mapper);
+            step.status(mapper.scan(sweep));
         }
-        if let Some(sweep) = sweep {
-            let status = mapper.scan(&sweep);
-            answer(step, sweep.header(), status)?;
-        }
+        local.send(step, |map| mapper.write_local(map))?;
+        safety.send(step, |map| mapper.write_safety(map))?;
         if step.owes_state() {
             let after_sequence = local.next_sequence() - 1;
             states.send(step, |state| {
