@@ -67,6 +67,17 @@ impl Config {
     pub const STANDARD: Self =
         Self { mode: Lead::Plain, candidates: 734, policy_wait_ns: 10_000_000, weights: Weights::STANDARD };
 
+    /// This configuration under the graph's `lead`: the leads `solved` and `refined` name the expert's mode.
+    #[must_use]
+    pub fn led_by(self, lead: &str) -> Self {
+        let mode = match lead {
+            "solved" => Lead::Solved,
+            "refined" => Lead::Refined,
+            _ => self.mode,
+        };
+        Self { mode, ..self }
+    }
+
     /// Checks every range.
     ///
     /// # Errors

@@ -10,6 +10,8 @@
 mod candidates;
 mod config;
 mod expert;
+mod node;
+mod pairing;
 mod planner;
 mod problem;
 mod refinement;
@@ -22,5 +24,6 @@ mod tests;
 pub use candidates::{PIECE_STEPS, PIECES};
 pub use config::{Config, ConfigError, Lead, Weights};
 pub use expert::Expert;
+pub use node::run;
 pub use planner::{Mode, Plan, Planner};
 pub use problem::{HORIZON_STEPS, STEP_S, UNKNOWN_COST};

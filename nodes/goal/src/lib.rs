@@ -11,6 +11,7 @@
 mod config;
 mod follower;
 mod goal;
+mod node;
 mod projection;
 mod sight;
 mod standby;
@@ -20,4 +21,5 @@ mod tests;
 
 pub use config::{Config, ConfigError};
 pub use goal::Goal;
+pub use node::run;
 pub use projection::{Projection, Side, project};
