@@ -7,7 +7,7 @@ use crate::step::Step;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::ipc;
-use sidestep_msgs::{Header, Message, Topic};
+use sidestep_msgs::{Header, Message, Status, Topic};
 use std::rc::Rc;
 
 /// The one writer of a topic.
@@ -46,6 +46,22 @@ impl<M: Message> Outbox<M> {
     /// # Errors
     /// [`NodeError::Transport`].
     pub fn send(&mut self, step: &mut Step, fill: impl FnOnce(&mut M)) -> Result<(), NodeError> {
+        let status = step.status;
+        self.send_with(step, |message| {
+            fill(message);
+            status
+        })
+    }
+
+    /// As [`Outbox::send`], where filling the message is the work of the step and says how it went.
+    ///
+    /// # Errors
+    /// [`NodeError::Transport`].
+    pub fn send_with(
+        &mut self,
+        step: &mut Step,
+        fill: impl FnOnce(&mut M) -> Status,
+    ) -> Result<(), NodeError> {
         let name = self.topic.row().name;
         let mut loan =
             self.publisher.loan_uninit().map_err(|error| NodeError::transport(name, "loan memory", error))?;
@@ -53,7 +69,7 @@ impl<M: Message> Outbox<M> {
         // as such. Fresh memory comes zeroed from the system, recycled memory holds an older message.
         #[allow(unsafe_code, reason = "a 614 KB frame must be written in place, not copied over the stack")]
         let mut loan = unsafe {
-            fill(&mut *loan.payload_mut().as_mut_ptr());
+            step.status = fill(&mut *loan.payload_mut().as_mut_ptr());
             loan.assume_init()
         };
         self.sequence += 1;

@@ -102,6 +102,12 @@ impl Step {
         self.tick
     }
 
+    /// [ns] the graph time a span from now, to be woken at or to compare with later.
+    #[must_use]
+    pub fn deadline(&self, span_ns: u64) -> u64 {
+        self.now_ns.saturating_add(span_ns)
+    }
+
     /// Asks to be woken at a graph time, once; the earliest wish of a step counts.
     pub fn wake_at(&mut self, graph_ns: u64) {
         self.wake_at_ns = Some(self.wake_at_ns.map_or(graph_ns, |earlier| earlier.min(graph_ns)));

@@ -16,6 +16,7 @@ mod export;
 mod graph;
 mod kernels;
 mod network;
+mod node;
 mod operators;
 mod policy;
 
@@ -28,4 +29,5 @@ pub use kernels::{DenseChain, DenseScratch, ValueIteration, ValueScratch};
 pub use lanes::Kind as LaneKind;
 pub use lanes::{Lanes, kernel_class, multiply_add};
 pub use network::*;
+pub use node::run;
 pub use policy::{Answer, Policy, TOLERANCE, embedded, record_golden};
