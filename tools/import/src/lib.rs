@@ -1,1 +1,20 @@
-//! sidestep-import
+//! Real depth without a robot: a folder of depth images becomes a recording.
+//!
+//! [`Source`] gives the messages of a driver (depth, odometry, path), [`import_folder`] writes them through the
+//! recorder. Images with poses keep them; images without are placed one by one by the floor that they show.
+
+mod error;
+mod files;
+mod floor;
+mod placing;
+mod recording;
+mod source;
+
+#[cfg(test)]
+mod tests;
+
+pub use error::ImportError;
+pub use files::Intrinsics;
+pub use placing::Up;
+pub use recording::{Summary, import_folder};
+pub use source::{Options, Placing, Source};
