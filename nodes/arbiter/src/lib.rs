@@ -17,6 +17,7 @@ mod fixture;
 mod freshness;
 mod inputs;
 mod limits;
+mod node;
 mod operator;
 #[cfg(test)]
 mod promises;
@@ -29,3 +30,4 @@ mod tube;
 
 pub use arbiter::Arbiter;
 pub use config::{Config, ConfigError, Lead, Resume};
+pub use node::run;

@@ -7,7 +7,7 @@ use crate::step::Step;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::ipc;
-use sidestep_msgs::{Header, Message, Status, Topic};
+use sidestep_msgs::{Header, Message, Stage, Status, Topic};
 use std::rc::Rc;
 
 /// The one writer of a topic.
@@ -62,6 +62,37 @@ impl<M: Message> Outbox<M> {
         step: &mut Step,
         fill: impl FnOnce(&mut M) -> Status,
     ) -> Result<(), NodeError> {
+        self.fill_and_send(step, |step, message| step.status = fill(message))
+    }
+
+    /// As [`Outbox::send_with`], where only the work of the step tells which frame the message is about; the stamps of
+    /// those inputs that are about the same frame are carried on.
+    ///
+    /// # Errors
+    /// [`NodeError::Transport`].
+    pub fn send_about(
+        &mut self,
+        step: &mut Step,
+        stage: Stage,
+        inputs: &[Header],
+        fill: impl FnOnce(&mut M) -> (Status, u64),
+    ) -> Result<(), NodeError> {
+        self.fill_and_send(step, |step, message| {
+            let (status, source_frame) = fill(message);
+            step.status = status;
+            inputs
+                .iter()
+                .filter(|input| input.source_frame == source_frame)
+                .for_each(|input| step.follow(input, stage));
+            step.originate(source_frame, stage);
+        })
+    }
+
+    fn fill_and_send(
+        &mut self,
+        step: &mut Step,
+        fill: impl FnOnce(&mut Step, &mut M),
+    ) -> Result<(), NodeError> {
         let name = self.topic.row().name;
         let mut loan =
             self.publisher.loan_uninit().map_err(|error| NodeError::transport(name, "loan memory", error))?;
@@ -69,7 +100,7 @@ impl<M: Message> Outbox<M> {
         // as such. Fresh memory comes zeroed from the system, recycled memory holds an older message.
         #[allow(unsafe_code, reason = "a 614 KB frame must be written in place, not copied over the stack")]
         let mut loan = unsafe {
-            step.status = fill(&mut *loan.payload_mut().as_mut_ptr());
+            fill(step, &mut *loan.payload_mut().as_mut_ptr());
             loan.assume_init()
         };
         self.sequence += 1;
