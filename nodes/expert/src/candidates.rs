@@ -44,10 +44,7 @@ fn left_of_pair(pair: usize, limits: &Limits) -> Pieces {
     }
     let part = STEPS_4.map(|step| spread(index, step));
     let first = Twist::new(v * stretched(part[0], 0.1, 0.3), w * stretched(part[1], 0.0, 0.2));
-    let later = Twist::new(
-        v * stretched(part[2], 0.1, 0.3),
-        w * (2.0 * stretched(part[3], 0.1, 0.1) - 1.0),
-    );
+    let later = Twist::new(v * stretched(part[2], 0.1, 0.3), w * (2.0 * stretched(part[3], 0.1, 0.1) - 1.0));
     if index.is_multiple_of(2) { [first, later, later] } else { [first, first, later] }
 }
 
@@ -83,14 +80,18 @@ mod tests {
             let pieces = candidate(index, &LOOMO);
             assert_eq!(pieces.map(|twist| twist.mirrored()), candidate(index ^ 1, &LOOMO));
             for twist in pieces {
-                assert!((0.0..=LOOMO.forward_m_s).contains(&twist.v_m_s) && twist.w_rad_s.abs() <= LOOMO.turn_rad_s);
+                assert!(
+                    (0.0..=LOOMO.forward_m_s).contains(&twist.v_m_s)
+                        && twist.w_rad_s.abs() <= LOOMO.turn_rad_s
+                );
             }
         }
     }
 
     #[test]
     fn half_of_the_734_are_arcs() {
-        let arcs = (0..734).filter(|&index| candidate(index, &LOOMO).iter().all(|t| *t == candidate(index, &LOOMO)[0]));
+        let arcs = (0..734)
+            .filter(|&index| candidate(index, &LOOMO).iter().all(|t| *t == candidate(index, &LOOMO)[0]));
         assert!((366..=370).contains(&arcs.count()));
     }
 }

@@ -117,7 +117,8 @@ mod tests {
 
     fn frame(sample: &Sample) -> (LocalMap, LocalGoal) {
         let map = LocalMap { planning_cost: sample.cost, ..LocalMap::default() };
-        let goal = LocalGoal { capture_ns: 7, cell: sample.goal as u32, twist: sample.from, ..LocalGoal::default() };
+        let goal =
+            LocalGoal { capture_ns: 7, cell: sample.goal as u32, twist: sample.from, ..LocalGoal::default() };
         (map, goal)
     }
 
@@ -132,7 +133,9 @@ mod tests {
                 let status = expert.plan(&map, &goal, Status::Ok, Some(Twist::new(0.3, 0.1)), &mut out);
                 assert!(status == Status::Ok || status == Status::Infeasible, "{status:?}");
                 assert_eq!(out.capture_ns, 7);
-                assert!((out.twist.v_m_s - goal.twist.v_m_s).abs() <= 0.3 + 1e-6 || status == Status::Infeasible);
+                assert!(
+                    (out.twist.v_m_s - goal.twist.v_m_s).abs() <= 0.3 + 1e-6 || status == Status::Infeasible
+                );
                 assert!((0.0..=limits.forward_m_s).contains(&out.twist.v_m_s));
                 if status == Status::Ok {
                     assert_eq!(out.trajectory_count, 24);

@@ -68,8 +68,9 @@ impl Pairing {
 
     /// The map that a goal names.
     pub(crate) fn map_of(&self, goal: &LocalGoal) -> Option<&LocalMap> {
-        let named =
-            |(sequence, map): &&(u64, LocalMap)| *sequence == goal.map_sequence && map.capture_ns == goal.capture_ns;
+        let named = |(sequence, map): &&(u64, LocalMap)| {
+            *sequence == goal.map_sequence && map.capture_ns == goal.capture_ns
+        };
         self.maps.iter().find(named).map(|(_, map)| map)
     }
 }
@@ -84,7 +85,8 @@ mod tests {
     }
 
     fn policy(number: u64, status: Status) -> (Proposal, Header) {
-        let proposal = Proposal { capture_ns: number * 100, twist: Twist::new(0.5, 0.1), ..Proposal::default() };
+        let proposal =
+            Proposal { capture_ns: number * 100, twist: Twist::new(0.5, 0.1), ..Proposal::default() };
         (proposal, Header { source_frame: number, status: status.code(), ..Header::default() })
     }
 

@@ -127,7 +127,8 @@ impl Planner {
     pub fn trajectory(&self, plan: &Plan) -> [Pose2; HORIZON_STEPS] {
         let mut twist = self.problem.turned(self.problem.from);
         let mut pose = Pose2::ORIGIN;
-        let mut targets = (0..PIECES).flat_map(|piece| std::iter::repeat_n(plan.pieces[piece], PIECE_STEPS[piece]));
+        let mut targets =
+            (0..PIECES).flat_map(|piece| std::iter::repeat_n(plan.pieces[piece], PIECE_STEPS[piece]));
         let step = self.problem.step;
         std::array::from_fn(|_| {
             let target = targets.next().unwrap_or(plan.pieces[PIECES - 1]);
@@ -155,7 +156,8 @@ impl Planner {
     }
 
     fn within(&self, twist: Twist) -> Twist {
-        let number = |value: f32, least: f32, most: f32| if value.is_nan() { 0.0 } else { value.clamp(least, most) };
+        let number =
+            |value: f32, least: f32, most: f32| if value.is_nan() { 0.0 } else { value.clamp(least, most) };
         let turn = self.limits.turn_rad_s;
         Twist::new(number(twist.v_m_s, 0.0, self.limits.forward_m_s), number(twist.w_rad_s, -turn, turn))
     }

@@ -53,7 +53,8 @@ fn moved(pieces: &Pieces, parts: &Direction, step: f32, limits: &Limits) -> Piec
         let [v, w] = parts[piece];
         Twist::new(
             (pieces[piece].v_m_s + v * step * limits.forward_m_s).clamp(0.0, limits.forward_m_s),
-            (pieces[piece].w_rad_s + w * step * limits.turn_rad_s).clamp(-limits.turn_rad_s, limits.turn_rad_s),
+            (pieces[piece].w_rad_s + w * step * limits.turn_rad_s)
+                .clamp(-limits.turn_rad_s, limits.turn_rad_s),
         )
     })
 }

@@ -115,7 +115,8 @@ fn bearing(along: f32, across: f32) -> f32 {
     // Minimax polynomial of atan on [0, 1] (after Hastings, Approximations for Digital Computers).
     let atan = part
         * (0.999_977_26
-            + t * (-0.332_623_47 + t * (0.193_543_46 + t * (-0.116_432_87 + t * (0.052_653_32 + t * -0.011_721_2)))));
+            + t * (-0.332_623_47
+                + t * (0.193_543_46 + t * (-0.116_432_87 + t * (0.052_653_32 + t * -0.011_721_2)))));
     let acute = if b > a { FRAC_PI_2 - atan } else { atan };
     if along < 0.0 { PI - acute } else { acute }
 }
@@ -145,9 +146,8 @@ fn roll(problem: &Problem, group: &Group, scores: &mut Scores) {
     let limit = problem.weights.limit * 255.0;
     let (mut sum, mut excess, mut change, mut worst) =
         ([0.0_f32; LANES], [0.0_f32; LANES], [0.0_f32; LANES], [0.0_f32; LANES]);
-    for piece in 0..PIECES {
-        let (target_v, target_w) = (&group.v[piece], &group.w[piece]);
-        for _ in 0..PIECE_STEPS[piece] {
+    for ((steps, target_v), target_w) in PIECE_STEPS.into_iter().zip(&group.v).zip(&group.w) {
+        for _ in 0..steps {
             for i in 0..LANES {
                 let dv = clipped(target_v[i] - s.v[i], -problem.step.v_m_s, problem.step.v_m_s);
                 let dw = clipped(target_w[i] - s.w[i], -problem.step.w_rad_s, problem.step.w_rad_s);
@@ -224,10 +224,16 @@ impl Kernel {
         match self {
             Self::Plain => roll_plain(problem, groups, scores),
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code, reason = "`available` names a kernel only where the processor has its instructions")]
+            #[allow(
+                unsafe_code,
+                reason = "`available` names a kernel only where the processor has its instructions"
+            )]
             Self::Avx2 => unsafe { roll_avx2(problem, groups, scores) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code, reason = "`available` names a kernel only where the processor has its instructions")]
+            #[allow(
+                unsafe_code,
+                reason = "`available` names a kernel only where the processor has its instructions"
+            )]
             Self::Avx512 => unsafe { roll_avx512(problem, groups, scores) },
         }
     }

@@ -50,7 +50,8 @@ impl Sample {
             let round = random.uniform(0.0, 1.0) < 0.5;
             for (index, cell) in plain.iter_mut().enumerate() {
                 let (dr, dc) = ((index / LOCAL_SIDE) as f32 - row, (index % LOCAL_SIDE) as f32 - col);
-                let inside = if round { dr * dr + dc * dc < long * long } else { dr.abs() < long && dc.abs() < wide };
+                let inside =
+                    if round { dr * dr + dc * dc < long * long } else { dr.abs() < long && dc.abs() < wide };
                 let own = ((index / LOCAL_SIDE) as f32 - 23.5).abs() < 4.0
                     && ((index % LOCAL_SIDE) as f32 - 13.5).abs() < 4.0;
                 if inside && !own {

@@ -1,9 +1,9 @@
 //! Promises of the optimiser, on closed forms and on artificial problems.
 
-use crate::samples::{LOOMO, Random, Sample};
 use crate::candidates::groups;
 use crate::problem::Problem;
 use crate::rollout::{Kernel, Scores, look_up};
+use crate::samples::{LOOMO, Random, Sample};
 use crate::{HORIZON_STEPS, Mode, Plan, Planner, STEP_S, UNKNOWN_COST, Weights};
 use sidestep_msgs::{LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Twist};
 
@@ -99,7 +99,8 @@ fn a_mirrored_problem_gives_the_mirrored_plan_to_the_last_bit() {
     let mut planner = planner(734);
     for sample in samples() {
         for mode in [Mode::Plain, Mode::Solved, Mode::Refined(Twist::new(0.4, 0.7))] {
-            let other_mode = if let Mode::Refined(seed) = mode { Mode::Refined(seed.mirrored()) } else { mode };
+            let other_mode =
+                if let Mode::Refined(seed) = mode { Mode::Refined(seed.mirrored()) } else { mode };
             let one = plan(&mut planner, &sample, mode);
             let other = plan(&mut planner, &sample.mirrored(), other_mode);
             assert_eq!(one.twist, other.twist.mirrored());
@@ -122,7 +123,8 @@ fn more_candidates_are_never_worse() {
 fn solving_is_never_worse_than_the_best_candidate() {
     let mut planner = planner(734);
     for sample in samples() {
-        let (plain, solved) = (plan(&mut planner, &sample, Mode::Plain), plan(&mut planner, &sample, Mode::Solved));
+        let (plain, solved) =
+            (plan(&mut planner, &sample, Mode::Plain), plan(&mut planner, &sample, Mode::Solved));
         assert!(solved.cost <= plain.cost, "{solved:?} {plain:?}");
     }
 }

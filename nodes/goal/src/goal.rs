@@ -8,8 +8,8 @@ use crate::standby;
 use crate::track::Track;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{
-    Code, GOAL_STATE_BYTES, GoalKind, LOCAL_GRID, LocalGoal, LocalMap, Odometry, Path, Pose2, Robot, Status, Target,
-    TargetState, Twist,
+    Code, GOAL_STATE_BYTES, GoalKind, LOCAL_GRID, LocalGoal, LocalMap, Odometry, Path, Pose2, Robot, Status,
+    Target, TargetState, Twist,
 };
 
 /// An arrival at a standby point ends when the robot is this many times the arrival distance away.
@@ -108,7 +108,13 @@ impl Goal {
     }
 
     /// Answers one map.
-    pub fn step(&mut self, map: &LocalMap, map_sequence: u64, map_status: Status, out: &mut LocalGoal) -> Status {
+    pub fn step(
+        &mut self,
+        map: &LocalMap,
+        map_sequence: u64,
+        map_status: Status,
+        out: &mut LocalGoal,
+    ) -> Status {
         let memory = &self.memory;
         let known_twist = memory.has_odometry != 0 && memory.odometry.twist.is_finite();
         *out = LocalGoal {

@@ -15,9 +15,9 @@ mod node;
 mod projection;
 mod sight;
 mod standby;
-mod track;
 #[cfg(test)]
 mod tests;
+mod track;
 
 pub use config::{Config, ConfigError};
 pub use goal::Goal;

@@ -2,7 +2,9 @@
 
 use crate::{Config, Goal};
 use sidestep_bus::{Boot, Keep, Link, NodeError};
-use sidestep_msgs::{Code, LOCAL_GOAL, LOCAL_MAP, LocalGoal, ODOMETRY, PATH, STATE_GOAL, Stage, Status, TARGET};
+use sidestep_msgs::{
+    Code, LOCAL_GOAL, LOCAL_MAP, LocalGoal, ODOMETRY, PATH, STATE_GOAL, Stage, Status, TARGET,
+};
 
 /// Answers maps until asked to stop.
 ///

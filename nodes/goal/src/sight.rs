@@ -87,9 +87,14 @@ mod tests {
     fn an_obstacle_hides_what_is_behind_it_and_nothing_else() {
         let map = map();
         let sight = Sight { map: &map, limit: 0.4 };
-        for (x_m, y_m, visible) in
-            [(2.0, 0.0, false), (0.8, 0.0, true), (2.0, 1.0, true), (1.1, 0.0, false), (5.0, 0.0, false), (-3.0, 0.0, true)]
-        {
+        for (x_m, y_m, visible) in [
+            (2.0, 0.0, false),
+            (0.8, 0.0, true),
+            (2.0, 1.0, true),
+            (1.1, 0.0, false),
+            (5.0, 0.0, false),
+            (-3.0, 0.0, true),
+        ] {
             assert_eq!(sight.is_visible(x_m, y_m), visible, "{x_m} {y_m}");
         }
     }

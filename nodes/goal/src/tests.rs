@@ -4,8 +4,8 @@ use crate::track::path;
 use crate::{Config, Goal};
 use proptest::prelude::*;
 use sidestep_msgs::{
-    GOAL_STATE_BYTES, GoalKind, LOCAL_CELLS, LocalGoal, LocalMap, Odometry, Path, PathPoint, Pose2, Robot, Status,
-    Target, TargetState, Twist,
+    GOAL_STATE_BYTES, GoalKind, LOCAL_CELLS, LocalGoal, LocalMap, Odometry, Path, PathPoint, Pose2, Robot,
+    Status, Target, TargetState, Twist,
 };
 
 fn goal() -> Goal {
