@@ -17,10 +17,10 @@ impl World {
     pub fn corridor(seed: u64, density: f64) -> Self {
         let (length, width) = (18.0, 2.5);
         let mut world = fenced(length, width);
-        world.start = Pose2::new(0.8, 0.5 * width, 0.0);
-        world.legs_m = vec![vec![[0.8, 0.5 * width], [length - 0.8, 0.5 * width]]];
+        world.start = Pose2::new(1.4, 0.5 * width, 0.0);
+        world.legs_m = vec![vec![[1.4, 0.5 * width], [length - 0.8, 0.5 * width]]];
         let mut random = Random::new(seed);
-        let mut x = 2.8;
+        let mut x = 3.4;
         while x < length - 2.0 {
             let size = [random.between(0.2, 0.5), random.between(0.2, 0.6)];
             // The outline lies within this half width whatever its yaw.
@@ -44,8 +44,8 @@ impl World {
     pub fn room(seed: u64, density: f64) -> Self {
         let (length, width) = (8.0, 6.0);
         let mut world = fenced(length, width);
-        world.start = Pose2::new(1.0, 1.0, 0.6);
-        world.legs_m = vec![vec![[1.0, 1.0], [length - 1.0, width - 1.0]]];
+        world.start = Pose2::new(1.4, 1.4, 0.6);
+        world.legs_m = vec![vec![[1.4, 1.4], [length - 1.0, width - 1.0]]];
         let mut random = Random::new(seed);
         let mut left = libm::round(6.0 * density.max(0.0)) as usize;
         for _ in 0..2000 {
@@ -55,8 +55,8 @@ impl World {
             let centre = [random.between(0.5, length - 0.5), random.between(0.5, width - 0.5)];
             let size = [random.between(0.2, 0.6), random.between(0.2, 0.6)];
             let reach = 0.5 * libm::hypot(size[0], size[1]);
-            let ends = [[1.0, 1.0], [length - 1.0, width - 1.0]];
-            let off_ends = ends.iter().all(|e| libm::hypot(e[0] - centre[0], e[1] - centre[1]) > 1.0 + reach);
+            let ends = [[1.4, 1.4], [length - 1.0, width - 1.0]];
+            let off_ends = ends.iter().all(|e| libm::hypot(e[0] - centre[0], e[1] - centre[1]) > 1.2 + reach);
             if off_ends && world.clearance_m(centre, 3.0) >= PASSAGE_M + reach {
                 world.solids.push(obstacle(&mut random, centre, size));
                 left -= 1;

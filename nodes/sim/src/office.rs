@@ -10,6 +10,8 @@ use crate::world::{World, resample};
 use sidestep_msgs::Pose2;
 use std::f64::consts::{FRAC_PI_2, PI};
 
+/// [m] free round the start: the disc that a robot with a camera must be granted.
+const START_FREE_M: f64 = 1.25;
 /// [m] free on both sides of the loop; a door post is as near as anything may be.
 pub const FREE_M: f64 = 0.45;
 const WALL_M: f64 = 0.12;
@@ -18,11 +20,11 @@ const LEG_RADIUS_M: f64 = 0.016;
 
 /// The loop, leg by leg: each leg begins where the one before ends.
 const LEGS: [&[[f64; 2]]; 5] = [
-    &[[1.3, 2.0], [2.2, 1.7], [3.6, 1.6], [5.1, 2.5], [6.2, 2.7]],
+    &[[1.5, 1.5], [2.4, 1.5], [3.6, 1.7], [5.1, 2.5], [6.2, 2.7]],
     &[[6.2, 2.7], [7.4, 2.4], [8.6, 1.8], [9.5, 2.2], [9.95, 3.1]],
     &[[9.95, 3.1], [10.0, 4.0], [10.0, 5.9], [9.4, 6.5], [8.2, 6.5]],
     &[[8.2, 6.5], [6.6, 6.5], [5.4, 6.5], [3.4, 6.4]],
-    &[[3.4, 6.4], [2.4, 6.4], [2.0, 5.9], [2.0, 4.0], [1.5, 3.0], [1.3, 2.0]],
+    &[[3.4, 6.4], [2.4, 6.4], [2.0, 5.9], [2.0, 4.0], [1.6, 3.0], [1.5, 1.5]],
 ];
 
 /// Tables: centre, size, yaw.
@@ -51,7 +53,7 @@ impl World {
         let mut world = Self::empty();
         world.legs_m = LEGS.iter().map(|leg| leg.to_vec()).collect();
         world.endless = true;
-        world.start = Pose2::new(1.3, 2.0, -0.32);
+        world.start = Pose2::new(1.5, 1.5, 0.0);
         walls(&mut world.solids);
         world.walkers = walkers();
         let mut way: Vec<[f64; 2]> = LEGS.iter().flat_map(|leg| resample(leg, 0.1)).collect();
@@ -145,7 +147,8 @@ fn strew(solids: &mut Vec<Solid>, way: &[[f64; 2]], random: &mut Random, count: 
         let size = [random.between(0.2, 0.5), random.between(0.2, 0.5)];
         let block = Solid::block(centre, size, random.between(0.0, PI), [0.0, random.between(0.1, 0.6)]);
         let apart = solids.iter().all(|solid| solid.gap_m(&block.corners()) > 0.05);
-        if apart && is_free(&[block], way, FREE_M + 0.15) {
+        let off_start = block.distance_m(LEGS[0][0]) > START_FREE_M;
+        if apart && off_start && is_free(&[block], way, FREE_M + 0.15) {
             solids.push(block);
             left -= 1;
         }
@@ -175,6 +178,7 @@ mod tests {
                 let clearance = world.clearance_m(point, 1.0);
                 assert!(clearance >= FREE_M, "seed {seed}: {clearance:.3} m at {point:?}");
             }
+            assert!(world.clearance_m([world.start.x_m, world.start.y_m], 1.0) >= START_FREE_M, "seed {seed}");
         }
     }
 

@@ -1,1 +1,13 @@
-//! sidestep-drive
+//! The whole chain in one process on simulated time: simulator, mapper, goal, expert, policy, arbiter.
+//!
+//! The steps are those of the graph, in the order of lockstep: odometry and ranges every 10 ms, a command every 10 ms; at
+//! the time of each frame the map, the goal, the proposals and the command that answers it. Equal setups drive equal
+//! drives, bit for bit.
+
+mod chain;
+mod drive;
+mod outcome;
+
+pub use chain::Chain;
+pub use drive::{Drive, DriveError, Setup};
+pub use outcome::{Outcome, TracePoint};

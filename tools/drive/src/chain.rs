@@ -1,0 +1,156 @@
+//! The nodes, called as the graph calls them, with the headers that the graph would write.
+
+use crate::drive::{DriveError, Setup};
+use sidestep_arbiter::Arbiter;
+use sidestep_expert::Expert;
+use sidestep_goal::Goal;
+use sidestep_mapper::Mapper;
+use sidestep_msgs::{
+    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, SafetyMap, Scan, Status,
+    Winner,
+};
+use sidestep_policy::Policy;
+
+/// Number of the run in every header.
+const RUN: u64 = 1;
+
+/// What a frame is: depth or a sweep.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Image<'a> {
+    /// A depth frame.
+    Depth(&'a DepthFrame),
+    /// A lidar sweep.
+    Scan(&'a Scan),
+}
+
+/// Mapper, goal, policy, expert and arbiter with their last messages.
+pub struct Chain {
+    mapper: Mapper,
+    goal: Goal,
+    expert: Expert,
+    policy: Option<Policy>,
+    arbiter: Arbiter,
+    refining: bool,
+    odometry_sequence: u64,
+    ranges_sequence: u64,
+    frames: u64,
+    local: LocalMap,
+    safety: Box<SafetyMap>,
+    local_goal: LocalGoal,
+    proposals: [Proposal; 2],
+    statuses: [Status; 4],
+}
+
+fn header(sequence: u64, source_frame: u64, now_ns: u64, status: Status) -> Header {
+    Header { run: RUN, sequence, source_frame, now_ns, status: status as u32, ..Header::default() }
+}
+
+impl Chain {
+    /// The nodes of a setup.
+    ///
+    /// # Errors
+    /// [`DriveError`] with the node that refuses its configuration.
+    pub fn new(setup: &mut Setup) -> Result<Self, DriveError> {
+        let refused = |error: &dyn std::fmt::Display| DriveError::Refused(error.to_string());
+        let robot = &setup.robot;
+        Ok(Self {
+            mapper: Mapper::new(&setup.mapper, robot).map_err(|error| refused(&error))?,
+            goal: Goal::new(&setup.goal, robot).map_err(|error| refused(&error))?,
+            expert: Expert::new(&setup.expert, robot).map_err(|error| refused(&error))?,
+            policy: setup.policy.take(),
+            arbiter: Arbiter::new(&setup.arbiter, robot, 0).map_err(|error| refused(&error))?,
+            refining: setup.expert.mode == sidestep_expert::Lead::Refined,
+            odometry_sequence: 0,
+            ranges_sequence: 0,
+            frames: 0,
+            local: LocalMap::default(),
+            safety: Box::default(),
+            local_goal: LocalGoal::default(),
+            proposals: [Proposal::default(); 2],
+            statuses: [Status::NoMap; 4],
+        })
+    }
+
+    /// Takes odometry.
+    pub fn odometry(&mut self, odometry: &Odometry, now_ns: u64) {
+        self.odometry_sequence += 1;
+        self.mapper.odometry(odometry);
+        self.goal.odometry(odometry, self.odometry_sequence);
+        self.arbiter.odometry(odometry, &header(self.odometry_sequence, 0, now_ns, Status::Ok));
+    }
+
+    /// Takes ultrasonic ranges.
+    pub fn ranges(&mut self, ranges: &Ranges) {
+        self.ranges_sequence += 1;
+        self.mapper.ranges(ranges);
+        self.arbiter.ranges(ranges);
+    }
+
+    /// Takes a path.
+    pub fn path(&mut self, path: &Path) {
+        self.goal.path(path);
+    }
+
+    /// Takes a frame and brings its map, goal and proposals to the arbiter; returns the mapper's status.
+    pub(crate) fn frame(&mut self, image: Image<'_>, now_ns: u64) -> Status {
+        self.frames += 1;
+        let status = match image {
+            Image::Depth(frame) => self.mapper.depth(frame),
+            Image::Scan(scan) => self.mapper.scan(scan),
+        };
+        self.mapper.write_local(&mut self.local);
+        self.mapper.write_safety(&mut self.safety);
+        let goal_status = self.goal.step(&self.local, self.frames, status, &mut self.local_goal);
+        let [policy_out, expert_out] = &mut self.proposals;
+        let mut policy_status = Status::NoGoal;
+        if let Some(policy) = &mut self.policy {
+            policy_status = policy.propose(&self.local, &self.local_goal, goal_status, policy_out);
+        }
+        let seed = (self.refining && policy_status == Status::Ok).then_some(policy_out.twist);
+        let expert_status = self.expert.plan(&self.local, &self.local_goal, goal_status, seed, expert_out);
+        let about = |status| header(self.frames, self.frames, now_ns, status);
+        self.arbiter.safety_map(&self.safety, &about(status));
+        self.arbiter.local_goal(&self.local_goal, &about(goal_status));
+        if self.policy.is_some() {
+            self.arbiter.proposal(Winner::Policy, policy_out, &about(policy_status));
+        }
+        self.arbiter.proposal(Winner::Expert, expert_out, &about(expert_status));
+        self.statuses = [status, goal_status, policy_status, expert_status];
+        status
+    }
+
+    /// Makes the command of a time.
+    pub fn command(&mut self, now_ns: u64, out: &mut Command) -> Status {
+        self.arbiter.step(now_ns, false, out)
+    }
+
+    /// The newest local map.
+    #[must_use]
+    pub fn local_map(&self) -> &LocalMap {
+        &self.local
+    }
+
+    /// The newest safety map.
+    #[must_use]
+    pub fn safety_map(&self) -> &SafetyMap {
+        &self.safety
+    }
+
+    /// The newest local goal.
+    #[must_use]
+    pub fn local_goal(&self) -> &LocalGoal {
+        &self.local_goal
+    }
+
+    /// The newest proposals: of the policy and of the expert.
+    #[must_use]
+    pub fn proposals(&self) -> &[Proposal; 2] {
+        &self.proposals
+    }
+
+    /// What mapper, goal, policy and expert said of the newest frame.
+    #[must_use]
+    pub fn statuses(&self) -> &[Status; 4] {
+        &self.statuses
+    }
+}

@@ -1,0 +1,205 @@
+//! A drive: the simulator and the chain, event by event.
+
+use crate::chain::{Chain, Image};
+use crate::outcome::Outcome;
+use sidestep_msgs::{Command, DepthFrame, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Winner};
+use sidestep_policy::Policy;
+use sidestep_sim::{Simulator, World};
+
+/// [ns] graph time at which every drive begins.
+const BEGIN_NS: u64 = 1_000_000_000;
+/// [ns] between two commands.
+const TICK_NS: u64 = 10_000_000;
+/// Ticks per message of the ultrasonic sensors.
+const TICKS_PER_RANGES: u64 = 5;
+/// [1] of a frame period: when the first frame comes.
+const PHASE: f64 = 0.37;
+
+/// Why a drive could not begin.
+#[derive(Debug, thiserror::Error)]
+pub enum DriveError {
+    /// A node refuses its configuration or the robot.
+    #[error("{0}")]
+    Refused(String),
+}
+
+/// Everything that makes a drive what it is.
+pub struct Setup {
+    /// The robot.
+    pub robot: Robot,
+    /// The world.
+    pub world: World,
+    /// Where the robot starts.
+    pub start: Pose2,
+    /// Configuration of the simulator; its world and start are not used.
+    pub sim: sidestep_sim::Config,
+    /// Configuration of the mapper.
+    pub mapper: sidestep_mapper::Config,
+    /// Configuration of the goal.
+    pub goal: sidestep_goal::Config,
+    /// Configuration of the expert.
+    pub expert: sidestep_expert::Config,
+    /// Configuration of the arbiter, the lead excepted.
+    pub arbiter: sidestep_arbiter::Config,
+    /// The policy, if one takes part.
+    pub policy: Option<Policy>,
+}
+
+impl Setup {
+    /// Shipped configurations, the start of the world, and a lead: [`Winner::Expert`] or [`Winner::Policy`].
+    #[must_use]
+    pub fn shipped(robot: Robot, world: World, lead: Winner) -> Self {
+        let lead = if lead == Winner::Policy {
+            sidestep_arbiter::Lead::Policy
+        } else {
+            sidestep_arbiter::Lead::Expert
+        };
+        Self {
+            start: world.start,
+            robot,
+            world,
+            sim: sidestep_sim::Config::default(),
+            mapper: sidestep_mapper::Config::shipped(),
+            goal: sidestep_goal::Config::STANDARD,
+            expert: sidestep_expert::Config::STANDARD,
+            arbiter: sidestep_arbiter::Config { lead, ..sidestep_arbiter::Config::STANDARD },
+            policy: None,
+        }
+    }
+}
+
+/// A drive in progress.
+pub struct Drive {
+    simulator: Simulator,
+    chain: Chain,
+    has_camera: bool,
+    period_ns: f64,
+    next_tick_ns: u64,
+    ticks: u64,
+    frames: u64,
+    odometry: Odometry,
+    ranges: Ranges,
+    path: Box<Path>,
+    depth: Box<DepthFrame>,
+    scan: Box<Scan>,
+    command: Command,
+    truth: Truth,
+    outcome: Outcome,
+}
+
+impl Drive {
+    /// The robot at its start, everything switched on.
+    ///
+    /// # Errors
+    /// [`DriveError`] with the node that refuses its configuration.
+    pub fn new(mut setup: Setup) -> Result<Self, DriveError> {
+        setup.sim.check().map_err(|error| DriveError::Refused(error.to_string()))?;
+        let chain = Chain::new(&mut setup)?;
+        let seed = setup.sim.seed;
+        let simulator = Simulator::new(&setup.sim, &setup.robot, setup.world, setup.start, seed);
+        Ok(Self {
+            chain,
+            has_camera: setup.robot.camera.is_some(),
+            period_ns: 1e9 / f64::from(simulator.rate_hz()).max(1.0),
+            simulator,
+            next_tick_ns: BEGIN_NS,
+            ticks: 0,
+            frames: 0,
+            odometry: Odometry::default(),
+            ranges: Ranges::default(),
+            path: Box::default(),
+            depth: Box::default(),
+            scan: Box::default(),
+            command: Command::default(),
+            truth: Truth::default(),
+            outcome: Outcome::default(),
+        })
+    }
+
+    /// Goes on to the next tick, with the frames before it.
+    pub fn tick(&mut self) {
+        let tick_ns = self.next_tick_ns;
+        while self.frame_ns() < tick_ns {
+            self.frame();
+        }
+        self.simulator.advance(tick_ns);
+        self.simulator.odometry(&mut self.odometry);
+        self.chain.odometry(&self.odometry, tick_ns);
+        if self.ticks.is_multiple_of(TICKS_PER_RANGES) {
+            self.simulator.ranges(&mut self.ranges);
+            self.chain.ranges(&self.ranges);
+        }
+        if self.simulator.path(&mut self.path) {
+            self.chain.path(&self.path);
+        }
+        self.drive(tick_ns);
+        self.simulator.truth(&mut self.truth);
+        let time_s = (tick_ns - BEGIN_NS) as f64 * 1e-9;
+        self.outcome.note(&self.truth, &self.command, time_s, TICK_NS as f64 * 1e-9);
+        self.next_tick_ns += TICK_NS;
+        self.ticks += 1;
+    }
+
+    fn frame_ns(&self) -> u64 {
+        BEGIN_NS + ((self.frames as f64 + PHASE) * self.period_ns) as u64
+    }
+
+    fn frame(&mut self) {
+        let now_ns = self.frame_ns();
+        self.frames += 1;
+        self.simulator.advance(now_ns);
+        let image = if self.has_camera {
+            self.simulator.render(&mut self.depth);
+            Image::Depth(&self.depth)
+        } else {
+            self.simulator.scan(&mut self.scan);
+            Image::Scan(&self.scan)
+        };
+        let status = self.chain.frame(image, now_ns);
+        self.outcome.refused += u64::from(status != Status::Ok);
+        self.drive(now_ns);
+    }
+
+    fn drive(&mut self, now_ns: u64) {
+        self.chain.command(now_ns, &mut self.command);
+        self.simulator.command(&self.command, now_ns);
+    }
+
+    /// Drives until `arrivals` goals are reached, something is hit, or `limit_s` have passed.
+    pub fn run(&mut self, arrivals: u32, limit_s: f64) -> &Outcome {
+        while self.outcome.arrivals < arrivals && self.outcome.collisions == 0 && self.outcome.time_s < limit_s {
+            self.tick();
+        }
+        &self.outcome
+    }
+
+    /// The nodes with their newest messages.
+    #[must_use]
+    pub fn chain(&self) -> &Chain {
+        &self.chain
+    }
+
+    /// What is true.
+    #[must_use]
+    pub fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    /// The newest command.
+    #[must_use]
+    pub fn command(&self) -> &Command {
+        &self.command
+    }
+
+    /// The world and the robot in it.
+    #[must_use]
+    pub fn simulator(&self) -> &Simulator {
+        &self.simulator
+    }
+
+    /// What came of it so far.
+    #[must_use]
+    pub fn outcome(&self) -> &Outcome {
+        &self.outcome
+    }
+}
