@@ -327,6 +327,16 @@ impl Robot {
         self.footprint.polygon_m.iter().fold(0.0, |most, corner| most.max(libm::hypotf(corner[0], corner[1])))
     }
 
+    /// Hash of what a driving policy learns from: limits of its motion and the footprint. Identifying the base or
+    /// moving the camera leaves it, so that a model outlives both.
+    #[must_use]
+    pub fn motion_hash(&self) -> u64 {
+        let l = &self.limits;
+        let numbers =
+            [l.forward_m_s, l.reverse_m_s, l.turn_rad_s, l.accelerate_m_s2, l.turn_accelerate_rad_s2];
+        crate::layout_hash(&format!("{numbers:?} {:?}", self.footprint.polygon_m), &[])
+    }
+
     /// Hash of every number: what a model and a recording name, so that they meet only the robot they were made for.
     #[must_use]
     pub fn hash(&self) -> u64 {

@@ -22,7 +22,8 @@ impl Config {
         if self.model.is_empty() {
             return Policy::load(embedded(), "embedded", robot);
         }
-        let unreadable = |error: std::io::Error| ModelError::Read { model: self.model.clone(), detail: error.to_string() };
+        let unreadable =
+            |error: std::io::Error| ModelError::Read { model: self.model.clone(), detail: error.to_string() };
         Policy::load(&std::fs::read(&self.model).map_err(unreadable)?, &self.model, robot)
     }
 }

@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 /// Version of the contract.
 pub(crate) const CONTRACT: &str = "1";
 /// Geometry of the map that the network was made for, as [`sidestep_msgs::LOCAL_GRID`] has it.
-pub(crate) const GRID: &str = "28x28 cells of 0.1 m, x [-0.4, 2.4), y [-1.4, 1.4), row 0 ahead, column 0 left";
+pub(crate) const GRID: &str =
+    "28x28 cells of 0.1 m, x [-0.4, 2.4), y [-1.4, 1.4), row 0 ahead, column 0 left";
 /// Inputs: name and shape.
 pub(crate) const INPUTS: [(&str, &[usize]); 3] = [
     ("planning_cost", &[1, 1, LOCAL_SIDE, LOCAL_SIDE]),
@@ -41,8 +42,10 @@ pub struct Contract {
     pub rounds: usize,
     /// Name of the robot it was trained for.
     pub robot: String,
-    /// [`Robot::hash`] of that robot.
+    /// [`Robot::hash`] of that robot: which file it was.
     pub robot_hash: u64,
+    /// [`Robot::motion_hash`] of that robot; another one is refused.
+    pub motion_hash: u64,
     /// [s] a command lies within u' +- acceleration x this.
     pub window_s: f32,
     /// Fingerprint of the training data.
@@ -66,6 +69,7 @@ impl Contract {
             ("rounds", self.rounds.to_string()),
             ("robot", self.robot.clone()),
             ("robot_hash", format!("{:016x}", self.robot_hash)),
+            ("motion_hash", format!("{:016x}", self.motion_hash)),
             ("window_s", format!("{:?}", self.window_s)),
             ("dataset_hash", format!("{:016x}", self.dataset_hash)),
             ("samples_seen", self.samples_seen.to_string()),
@@ -91,13 +95,12 @@ impl Contract {
         let reader = Reader { entries, model };
         reader.expect("contract", CONTRACT)?;
         reader.expect("grid", GRID)?;
-        let robot_hash = u64::from_str_radix(reader.text("robot_hash")?, 16)
-            .map_err(|_| reader.unfit("robot_hash", "16 hexadecimal digits"))?;
-        if robot_hash != robot.hash() {
-            let found = format!("{robot_hash:016x} ({})", reader.text("robot")?);
-            let needed = format!("{:016x} ({})", robot.hash(), robot.name);
-            let remedy = "train it for this robot file with `sidestep train`";
-            return Err(unfit(model, "metadata sidestep.robot_hash", found, needed, remedy));
+        let motion_hash = reader.hash("motion_hash")?;
+        if motion_hash != robot.motion_hash() {
+            let found = format!("{motion_hash:016x} ({})", reader.text("robot")?);
+            let needed = format!("{:016x} ({})", robot.motion_hash(), robot.name);
+            let remedy = "train it for limits and footprint of this robot file with `sidestep train`";
+            return Err(unfit(model, "metadata sidestep.motion_hash", found, needed, remedy));
         }
         let window_s = reader.number::<f32>("window_s")?;
         if (window_s - sidestep_msgs::WINDOW_S).abs() > 1e-6 {
@@ -111,10 +114,10 @@ impl Contract {
         Ok(Self {
             rounds: reader.number("rounds")?,
             robot: reader.text("robot")?.to_owned(),
-            robot_hash,
+            robot_hash: reader.hash("robot_hash")?,
+            motion_hash,
             window_s,
-            dataset_hash: u64::from_str_radix(reader.text("dataset_hash")?, 16)
-                .map_err(|_| reader.unfit("dataset_hash", "16 hexadecimal digits"))?,
+            dataset_hash: reader.hash("dataset_hash")?,
             samples_seen: reader.number("samples_seen")?,
             golden: Golden {
                 planning_cost: reader.bytes("golden.planning_cost")?,
@@ -171,8 +174,13 @@ impl Reader<'_> {
         self.text(key)?.parse().map_err(|_| self.unfit(key, "a number"))
     }
 
+    fn hash(&self, key: &str) -> Result<u64, ModelError> {
+        u64::from_str_radix(self.text(key)?, 16).map_err(|_| self.unfit(key, "16 hexadecimal digits"))
+    }
+
     fn pair(&self, key: &str) -> Result<[f32; 2], ModelError> {
-        let parsed = self.text(key)?.split_once(' ').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+        let parsed =
+            self.text(key)?.split_once(' ').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
         parsed
             .filter(|pair: &[f32; 2]| pair.iter().all(|x| x.is_finite()))
             .ok_or_else(|| self.unfit(key, "two finite numbers"))

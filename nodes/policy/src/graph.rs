@@ -49,7 +49,8 @@ impl<'a> View<'a> {
     }
 
     fn producer(&self, name: &str) -> Result<(usize, &'a NodeProto), String> {
-        let found = self.graph.node.iter().enumerate().find(|(_, node)| node.output.iter().any(|o| o == name));
+        let found =
+            self.graph.node.iter().enumerate().find(|(_, node)| node.output.iter().any(|o| o == name));
         found.ok_or_else(|| format!("no node makes \"{name}\""))
     }
 
@@ -138,7 +139,8 @@ impl<'a> View<'a> {
             let (conv_index, conv) = self.step(&sum.input[other], "Conv", 2)?;
             match shared {
                 None => value = self.kernels(conv)?,
-                Some(name) if name == conv.input[1] && conv.attribute == self.graph.node[nodes[1]].attribute => {}
+                Some(name)
+                    if name == conv.input[1] && conv.attribute == self.graph.node[nodes[1]].attribute => {}
                 Some(name) => return Err(format!("round \"{}\" does not share \"{name}\"", conv.name)),
             }
             shared = Some(&conv.input[1]);
@@ -208,7 +210,8 @@ impl<'a> View<'a> {
             return Err(format!("Gemm \"{}\" is scaled or transposed", gemm.name));
         }
         let dims = &self.constant(&gemm.input[1])?.dims;
-        let (&[inputs, outputs], true) = (dims.as_slice(), dims.iter().all(|d| (1..=8192).contains(d))) else {
+        let (&[inputs, outputs], true) = (dims.as_slice(), dims.iter().all(|d| (1..=8192).contains(d)))
+        else {
             return Err(format!("\"{}\" has shape {dims:?}", gemm.input[1]));
         };
         Ok(DenseLayer {
@@ -227,7 +230,8 @@ impl<'a> View<'a> {
             .filter(|name| !ends.contains(&name.as_str()))
             .collect();
         let outside = self.graph.node.iter().enumerate().filter(|(index, _)| !nodes.contains(index));
-        let mut read = outside.flat_map(|(_, node)| &node.input).chain(self.graph.output.iter().map(|o| &o.name));
+        let mut read =
+            outside.flat_map(|(_, node)| &node.input).chain(self.graph.output.iter().map(|o| &o.name));
         read.find(|name| inner.contains(name))
             .map_or(Ok(()), |name| Err(format!("\"{name}\" is used outside its block")))
     }

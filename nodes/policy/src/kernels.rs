@@ -355,7 +355,8 @@ mod tests {
     fn the_unfused_class_differs_by_rounding_only() {
         let (weights, map) = (iteration(10), numbers(LOCAL_CELLS, 6));
         let variants = Lanes::available();
-        let (first, last) = (run(variants[0], &weights, &map), run(variants[variants.len() - 1], &weights, &map));
+        let (first, last) =
+            (run(variants[0], &weights, &map), run(variants[variants.len() - 1], &weights, &map));
         for (a, b) in first.iter().zip(last) {
             assert!((a - b).abs() < 1e-4 * (1.0 + b.abs()), "{a} {b}");
         }

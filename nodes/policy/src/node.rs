@@ -1,42 +1,54 @@
-//! The policy in the graph: one proposal per local goal.
+//! The policy in the graph: one proposal per local goal, on the map that the goal names.
 
 use crate::Config;
-use sidestep_bus::{Boot, Keep, Link, NodeError, Received};
-use sidestep_msgs::{Code, LOCAL_GOAL, LOCAL_MAP, LocalMap, POLICY_COMMAND, Proposal, Stage, Status};
+use sidestep_bus::{Boot, Keep, Link, NodeError};
+use sidestep_msgs::{Code, LOCAL_GOAL, LOCAL_MAP, LocalMap, POLICY_COMMAND, Stage, Status};
 
-/// Infers until asked to stop.
+/// Maps kept until their goal arrives.
+const MAPS_KEPT: usize = 4;
+
+/// Answers goals until asked to stop.
 ///
 /// # Errors
-/// [`NodeError::Configuration`] with what the model is and what is needed, or [`NodeError::Transport`].
+/// [`NodeError::Configuration`] with what the model has and what is needed, or [`NodeError::Transport`].
 pub fn run(boot: &Boot) -> Result<(), NodeError> {
-    let config: Config = boot.config()?;
-    let mut policy =
-        config.load(&boot.robot()?).map_err(|error| NodeError::Configuration(error.to_string()))?;
+    let config = boot.config::<Config>()?;
+    let refused = |error: crate::ModelError| NodeError::Configuration(error.to_string());
+    let mut policy = config.load(&boot.robot()?).map_err(refused)?;
     if let Some(warning) = policy.warning() {
-        eprintln!("{warning}");
+        warn(warning);
     }
+    // Sequence and map, the oldest overwritten.
+    let mut kept = [(0, LocalMap::default()); MAPS_KEPT];
+    let mut next = 0;
+    let no_map = LocalMap::default();
 
     let mut link = Link::open(boot)?;
-    let mut goals = link.inbox(LOCAL_GOAL, Keep::Newest)?;
     let mut maps = link.inbox(LOCAL_MAP, Keep::All)?;
+    let mut goals = link.inbox(LOCAL_GOAL, Keep::Newest)?;
     let mut proposals = link.outbox(POLICY_COMMAND)?;
     link.wake_on(LOCAL_GOAL)?;
-    let mut map: Option<Received<LocalMap>> = None;
     link.run(|step| {
-        let Some(goal) = goals.newest(step)? else { return Ok(()) };
-        while map.as_ref().is_none_or(|map| map.header().sequence < goal.map_sequence) {
-            let Some(next) = maps.next(step)? else { break };
-            map = Some(next);
+        if step.epoch_raised() {
+            kept.iter_mut().for_each(|(sequence, _)| *sequence = 0);
         }
-        let named = map.as_ref().filter(|map| map.header().sequence == goal.map_sequence);
-        step.follow(goal.header(), Stage::Policy);
+        maps.each(step, |map, header| {
+            kept[next] = (header.sequence, *map);
+            next = (next + 1) % MAPS_KEPT;
+        })?;
+        let Some(goal) = goals.newest(step)? else { return Ok(()) };
         let goal_status = Status::from_code(goal.header().status).unwrap_or(Status::Fault);
-        proposals.send_with(step, |out| match named {
-            Some(map) => policy.propose(map, &goal, goal_status, out),
-            None => {
-                *out = Proposal { capture_ns: goal.capture_ns, ..Proposal::default() };
-                Status::NoMap
-            }
+        let map = kept.iter().find(|(sequence, _)| *sequence == goal.map_sequence && *sequence != 0);
+        step.follow(goal.header(), Stage::Policy);
+        proposals.send_with(step, |out| match map {
+            Some((_, map)) => policy.propose(map, &goal, goal_status, out),
+            None => policy.propose(&no_map, &goal, Status::NoMap, out),
         })
     })
+}
+
+/// One line for the operator: the launcher shows what a node says on standard error.
+#[allow(clippy::print_stderr, reason = "a node's log is its standard error")]
+fn warn(line: &str) {
+    eprintln!("policy: {line}");
 }

@@ -65,7 +65,8 @@ fn build_value(_: &ParsingContext, node: &NodeProto) -> Built {
 }
 
 fn build_head(_: &ParsingContext, node: &NodeProto) -> Built {
-    let values = |name: &str| node.attribute.iter().filter(|a| a.name == name).map(|a| a.floats.clone()).collect();
+    let values =
+        |name: &str| node.attribute.iter().filter(|a| a.name == name).map(|a| a.floats.clone()).collect();
     let (weights, biases): (Vec<Vec<f32>>, Vec<Vec<f32>>) = (values("weight"), values("bias"));
     let sizes = integers(node, "sizes")?;
     let layers: Vec<DenseLayer> = sizes
@@ -81,8 +82,12 @@ fn build_head(_: &ParsingContext, node: &NodeProto) -> Built {
     let range = floats(node, "log_range")?;
     let chain = DenseChain::new(&layers);
     let scratch = Arc::new(Mutex::new(chain.scratch()));
-    let operator =
-        HeadOperator { chain: Arc::new(chain), log_range: (range[0], range[1]), lanes: Lanes::detect(), scratch };
+    let operator = HeadOperator {
+        chain: Arc::new(chain),
+        log_range: (range[0], range[1]),
+        lanes: Lanes::detect(),
+        scratch,
+    };
     Ok((Box::new(operator), vec![]))
 }
 

@@ -66,7 +66,8 @@ impl Policy {
         let entries: BTreeMap<String, String> =
             model.metadata_props.iter().map(|entry| (entry.key.clone(), entry.value.clone())).collect();
         let contract = Contract::from_entries(&entries, name, robot)?;
-        let missing = || unfit(name, "graph", "missing", "present", "name a file written by `sidestep train`");
+        let missing =
+            || unfit(name, "graph", "missing", "present", "name a file written by `sidestep train`");
         let graph = model.graph.as_mut().ok_or_else(missing)?;
         check_interface(graph, name)?;
         check_operators(graph, name)?;
@@ -254,7 +255,8 @@ fn check_side(
 
 /// Type and shape of an input or output, as text.
 fn describe(info: &ValueInfoProto) -> String {
-    let Some(type_proto::Value::TensorType(tensor)) = info.r#type.as_ref().and_then(|t| t.value.as_ref()) else {
+    let Some(type_proto::Value::TensorType(tensor)) = info.r#type.as_ref().and_then(|t| t.value.as_ref())
+    else {
         return "no tensor".into();
     };
     let size = |value: &Option<dimension::Value>| match value {
@@ -269,9 +271,10 @@ fn describe(info: &ValueInfoProto) -> String {
 
 /// Standard operators only: nobody else may name the fused ones.
 fn check_operators(graph: &GraphProto, model: &str) -> Result<(), ModelError> {
-    let foreign = graph.node.iter().find(|node| {
-        !matches!(node.domain.as_str(), "" | "ai.onnx") || node.op_type.starts_with("Sidestep")
-    });
+    let foreign = graph
+        .node
+        .iter()
+        .find(|node| !matches!(node.domain.as_str(), "" | "ai.onnx") || node.op_type.starts_with("Sidestep"));
     foreign.map_or(Ok(()), |node| {
         let found = format!("{}.{}", node.domain, node.op_type);
         let remedy = "unroll it into standard operators";
@@ -297,9 +300,16 @@ fn fuse(graph: &mut GraphProto, contract: &Contract, model: &str) -> Result<Opti
     {
         let found = format!("{} in the graph", block.iteration.rounds);
         let needed = format!("{} as metadata sidestep.rounds says", contract.rounds);
-        return Err(unfit(model, "rounds of value iteration", found, needed, "export it with `sidestep train`"));
+        return Err(unfit(
+            model,
+            "rounds of value iteration",
+            found,
+            needed,
+            "export it with `sidestep train`",
+        ));
     }
-    let reasons: Vec<&str> = [value.as_ref().err(), head.as_ref().err()].into_iter().flatten().map(String::as_str).collect();
+    let reasons: Vec<&str> =
+        [value.as_ref().err(), head.as_ref().err()].into_iter().flatten().map(String::as_str).collect();
     let warning = (!reasons.is_empty())
         .then(|| format!("model {model}: runs unfused and 30 times slower: {}", reasons.join("; ")));
     replace(graph, value.as_ref().ok(), head.as_ref().ok());

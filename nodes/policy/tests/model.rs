@@ -49,6 +49,7 @@ fn contract(rounds: usize) -> Contract {
         rounds,
         robot: "loomo".into(),
         robot_hash: robot().hash(),
+        motion_hash: robot().motion_hash(),
         window_s: 0.3,
         dataset_hash: 1,
         samples_seen: 0,
@@ -74,10 +75,12 @@ fn the_fused_operators_compute_what_plain_tract_computes() {
         let mut plain = Policy::load_plain(&bytes, "plain", &robot()).unwrap();
         assert_eq!(fused.warning(), None);
         for seed in 0..8 {
-            let map: Vec<u8> = numbers(LOCAL_CELLS, seed, 1.0).iter().map(|x| ((x + 1.0) * 127.0) as u8).collect();
+            let map: Vec<u8> =
+                numbers(LOCAL_CELLS, seed, 1.0).iter().map(|x| ((x + 1.0) * 127.0) as u8).collect();
             let map = map.try_into().unwrap();
             let twist = Twist::new(0.1 * seed as f32, 0.3);
-            let (a, b) = (fused.infer(&map, 90 * seed as usize, twist), plain.infer(&map, 90 * seed as usize, twist));
+            let (a, b) =
+                (fused.infer(&map, 90 * seed as usize, twist), plain.infer(&map, 90 * seed as usize, twist));
             let (a, b) = (a.unwrap(), b.unwrap());
             let pairs = a.command.iter().zip(b.command).chain(a.doubt.iter().zip(b.doubt));
             for (a, b) in pairs {
@@ -106,7 +109,15 @@ fn a_model_for_another_robot_is_refused_with_both_hashes() {
     let mut robot = robot();
     robot.limits.turn_rad_s = 2.0;
     let text = Policy::load(&model(3), "test.onnx", &robot).unwrap_err().to_string();
-    assert!(text.contains("robot_hash") && text.contains(&format!("{:016x}", robot.hash())), "{text}");
+    assert!(text.contains("motion_hash") && text.contains(&format!("{:016x}", robot.motion_hash())), "{text}");
+}
+
+#[test]
+fn a_model_outlives_the_identification_of_its_base() {
+    let mut robot = robot();
+    robot.actuator.lag_s *= 2.0;
+    robot.start.disc_m += 0.1;
+    Policy::load(&model(3), "test.onnx", &robot).unwrap();
 }
 
 #[test]
@@ -156,7 +167,10 @@ fn a_wrong_shape_or_name_is_refused_with_what_is_needed() {
         refusal(&model.encode_to_vec())
     };
     let text = change(&|graph| graph.input[0].name = "cost_map".into());
-    assert!(text.contains("inputs is cost_map, goal, velocity, needed: planning_cost, goal, velocity"), "{text}");
+    assert!(
+        text.contains("inputs is cost_map, goal, velocity, needed: planning_cost, goal, velocity"),
+        "{text}"
+    );
     let text = change(&|graph| graph.input[2] = graph.input[1].clone());
     assert!(text.contains("inputs"), "{text}");
     let text = change(&|graph| {
@@ -200,7 +214,8 @@ fn a_proposal_lies_in_the_window_whatever_the_network_says() {
 fn without_goal_map_or_sense_the_policy_stops_and_says_why() {
     let mut policy = Policy::load(&model(3), "test.onnx", &robot()).unwrap();
     let (mut map, mut goal, mut out) = frame();
-    for status in [Status::NoMap, Status::NoGoal, Status::Arrived, Status::Hold, Status::Lost, Status::Fault] {
+    for status in [Status::NoMap, Status::NoGoal, Status::Arrived, Status::Hold, Status::Lost, Status::Fault]
+    {
         assert_eq!(policy.propose(&map, &goal, status, &mut out), status);
         assert_eq!(out.twist, Twist::STOP);
     }

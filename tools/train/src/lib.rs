@@ -1,1 +1,28 @@
-//! sidestep-train
+//! Training: a dataset of labelled maps, a network that learns them, a model file, and a figure for how well.
+//!
+//! Commands: [`dataset`], [`dataset_info`], [`train`], [`evaluate`]. All of them give the same bytes for any number of
+//! threads; `train` also after an interruption. File formats: the dataset ([`Header`], [`Record`]) and ONNX with the
+//! contract of `sidestep-policy`.
+
+mod artificial;
+mod checkpoint;
+mod error;
+mod evaluate;
+mod generate;
+mod gradient;
+mod optimiser;
+mod parameters;
+mod planes;
+mod random;
+mod record;
+mod trainer;
+
+pub use artificial::{Scene, scene};
+pub use error::TrainError;
+pub use evaluate::{Errors, EvaluateOptions, Evaluation, Window, evaluate};
+pub use generate::{DatasetOptions, dataset, dataset_info};
+pub use optimiser::Schedule;
+pub use parameters::Shape;
+pub use random::Random;
+pub use record::{Dataset, Header, MAGIC, RECORDS_AT, Record, Source, VERSION};
+pub use trainer::{TrainOptions, TrainReport, train};

@@ -1,0 +1,41 @@
+//! The commands of this crate by hand:
+//!
+//! ```text
+//! train dataset OUT SAMPLES SEED | train info FILE | train train DATA OUT SAMPLES [CHECKPOINT] | train evaluate DATA [MODEL]
+//! ```
+#![allow(clippy::print_stdout, reason = "a command line")]
+
+use sidestep_msgs::Robot;
+use sidestep_train::{
+    DatasetOptions, EvaluateOptions, TrainOptions, dataset, dataset_info, evaluate, train,
+};
+use std::error::Error;
+use std::path::PathBuf;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let robot = Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml"))?;
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let mut print = |line: &str| println!("{line}");
+    let threads = std::thread::available_parallelism()?.get();
+    match words.as_slice() {
+        ["dataset", out, samples, seed] => {
+            let options =
+                DatasetOptions { out: out.into(), samples: samples.parse()?, seed: seed.parse()?, threads, robot };
+            println!("{:?}", dataset(&options, &mut print)?);
+        }
+        ["info", file] => println!("{:?}", dataset_info(&PathBuf::from(file))?),
+        ["train", data, out, samples, checkpoint @ ..] => {
+            let mut options = TrainOptions::standard(data.into(), out.into(), robot);
+            options.samples = samples.parse()?;
+            options.checkpoint = checkpoint.first().map(PathBuf::from);
+            println!("{:?}", train(&options, &mut print)?);
+        }
+        ["evaluate", data, model @ ..] => {
+            let model = model.first().map(PathBuf::from);
+            println!("{:#?}", evaluate(&EvaluateOptions { data: data.into(), model, samples: 20_000, robot })?);
+        }
+        _ => return Err("dataset OUT SAMPLES SEED | info FILE | train DATA OUT SAMPLES [CHECKPOINT] | evaluate DATA [MODEL]".into()),
+    }
+    Ok(())
+}
