@@ -170,7 +170,13 @@ mod tests {
 
     fn message(stamp_ns: u64, x_m: f64) -> Odometry {
         let pose = Pose2::new(x_m, 0.0, 0.0);
-        Odometry { stamp_ns, pose, pitch_rad: 0.1 * x_m as f32, twist: Twist::new(1.0, 0.0), ..Odometry::default() }
+        Odometry {
+            stamp_ns,
+            pose,
+            pitch_rad: 0.1 * x_m as f32,
+            twist: Twist::new(1.0, 0.0),
+            ..Odometry::default()
+        }
     }
 
     /// Samples every 10 ms at 1 m/s: between them, on them, beyond the newest and before the oldest.
@@ -179,7 +185,10 @@ mod tests {
         let (mut history, robot) = (History::new(), robot());
         assert_eq!(history.at(1, 0.15), Err(Status::RefusedOdometry));
         for step in 1..=100u64 {
-            assert_eq!(history.push(&message(step * 10_000_000, step as f64 * 0.01), &robot, 1.0), Arrival::Continuous);
+            assert_eq!(
+                history.push(&message(step * 10_000_000, step as f64 * 0.01), &robot, 1.0),
+                Arrival::Continuous
+            );
         }
         for (stamp_ns, x_m) in [(990_000_000, 0.99), (994_000_000, 0.994), (1_020_000_000, 1.02)] {
             let sample = history.at(stamp_ns, 0.15).unwrap();
@@ -203,7 +212,11 @@ mod tests {
         assert_eq!(push(&message(2_030_000_000, 2.5)), Arrival::Continuous, "2 s without messages");
         assert_eq!(push(&Odometry { pose_epoch: 1, ..message(2_040_000_000, 2.5) }), Arrival::Jumped);
         assert_eq!(push(&Odometry { roll_rad: f32::NAN, ..message(2_050_000_000, 2.5) }), Arrival::Ignored);
-        assert_eq!(push(&Odometry { pose_epoch: 1, ..message(10, 2.5) }), Arrival::Continuous, "the clock was wrong");
+        assert_eq!(
+            push(&Odometry { pose_epoch: 1, ..message(10, 2.5) }),
+            Arrival::Continuous,
+            "the clock was wrong"
+        );
     }
 
     /// 10 m straight and 10 rad turned, with 1 % and 0.5 % at a lever of 1 m.

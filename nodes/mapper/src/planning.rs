@@ -4,8 +4,11 @@ use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE};
 
 /// Cost of a cell that was never seen: 0.3, below the limit 0.4 of the expert.
 pub const UNKNOWN_COST: u8 = 77;
-/// Occupancy below this (0.35) counts as free and is not widened: one clear sighting of the floor is enough.
+/// Occupancy below this (0.35) counts as free: one clear sighting of the floor is enough.
 pub const CLEAR_BELOW: u8 = 90;
+/// Occupancy from here on (0.5) counts as an obstacle and is widened. What lies between is in doubt, as a free cell is
+/// that lost its certainty with motion: it costs what the unknown costs, since nothing was ever seen to stand there.
+const OBSTACLE_FROM: u8 = 128;
 /// [m] beyond the half-width, over which the weight falls to zero.
 const FALL_M: f32 = 0.165;
 /// Cells by which the kernel may reach: half-widths up to 0.9 m.
@@ -18,7 +21,8 @@ fn weight(distance_m: f32, half_width_m: f32) -> u16 {
     (part.clamp(0.0, 1.0) * 256.0 + 0.5) as u16
 }
 
-/// Fills `out` with max over known cells k of P(k) w(|c - k|), and at least 0.3 where the cell itself is unknown.
+/// Fills `out` with max over obstacle cells k of P(k) w(|c - k|), and at least 0.3 where the cell itself is unknown or in
+/// doubt.
 ///
 /// The same function makes the bytes that the robot drives by and those that a network is trained with.
 pub fn planning_cost(
@@ -29,9 +33,9 @@ pub fn planning_cost(
 ) {
     let mut padded = [[0u16; PADDED]; PADDED];
     for (index, (&occupancy, &age)) in occupancy.iter().zip(age).enumerate() {
-        let known = age != AGE_NEVER && occupancy >= CLEAR_BELOW;
+        let obstacle = age != AGE_NEVER && occupancy >= OBSTACLE_FROM;
         padded[REACH_MAX + index / LOCAL_SIDE][REACH_MAX + index % LOCAL_SIDE] =
-            if known { u16::from(occupancy) } else { 0 };
+            if obstacle { u16::from(occupancy) } else { 0 };
     }
     let mut cost = [[0u16; LOCAL_SIDE]; LOCAL_SIDE];
     for down in 0..=2 * REACH_MAX {
@@ -51,8 +55,8 @@ pub fn planning_cost(
             }
         }
     }
-    for ((out, cost), &age) in out.iter_mut().zip(cost.as_flattened()).zip(age) {
-        let least = if age == AGE_NEVER { UNKNOWN_COST } else { 0 };
+    for (((out, cost), &age), &occupancy) in out.iter_mut().zip(cost.as_flattened()).zip(age).zip(occupancy) {
+        let least = if age == AGE_NEVER || occupancy >= CLEAR_BELOW { UNKNOWN_COST } else { 0 };
         *out = (*cost as u8).max(least);
     }
 }
@@ -111,6 +115,16 @@ mod tests {
         assert!(all_unknown.iter().all(|&cost| cost == UNKNOWN_COST));
     }
 
+    #[test]
+    fn a_free_cell_that_is_forgotten_never_costs_more_than_the_unknown() {
+        for occupancy in 0..128 {
+            let mut cells = [0; LOCAL_CELLS];
+            cells[200] = occupancy;
+            let cost = cost_of(&cells, &[0; LOCAL_CELLS]);
+            assert!(cost.iter().all(|&cost| cost <= UNKNOWN_COST), "occupancy {occupancy}");
+        }
+    }
+
     proptest! {
         /// Compares with the formula of SPEC section 3 written as four loops.
         #[test]
@@ -125,9 +139,10 @@ mod tests {
             let mut out = [0; LOCAL_CELLS];
             planning_cost(&occupancy, &age, half_width_m, &mut out);
             for c in 0..LOCAL_CELLS {
-                let mut expected = if age[c] == AGE_NEVER { 77.0f32 } else { 0.0 };
+                let in_doubt = age[c] == AGE_NEVER || occupancy[c] >= CLEAR_BELOW;
+                let mut expected = if in_doubt { 77.0f32 } else { 0.0 };
                 for k in 0..LOCAL_CELLS {
-                    if age[k] == AGE_NEVER || occupancy[k] < CLEAR_BELOW {
+                    if age[k] == AGE_NEVER || occupancy[k] < OBSTACLE_FROM {
                         continue;
                     }
                     let dy = (c / LOCAL_SIDE) as f32 - (k / LOCAL_SIDE) as f32;

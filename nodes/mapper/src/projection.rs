@@ -310,7 +310,7 @@ mod tests {
     /// A hilly random frame with holes and losses, counted by both variants.
     #[test]
     fn the_wide_variant_counts_the_same_as_the_plain_one() {
-        let mut frame: Box<DepthFrame> = Box::new(DepthFrame::default());
+        let mut frame: Box<DepthFrame> = Box::default();
         (frame.width, frame.height, frame.metres_per_unit) = (637, 479, 0.001);
         (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px) = (606.97, 600.1, 311.7, 250.2);
         frame.camera = sidestep_msgs::Isometry::camera(0.1, 0.02, 0.55, 0.2);
@@ -335,7 +335,7 @@ mod tests {
     /// A camera looks along x from the middle of the window; a point goes to its pixel and its depth comes back.
     #[test]
     fn a_point_projects_to_the_pixel_that_sees_it() {
-        let mut frame: Box<DepthFrame> = Box::new(DepthFrame::default());
+        let mut frame: Box<DepthFrame> = Box::default();
         (frame.width, frame.height, frame.metres_per_unit) = (640, 480, 0.001);
         (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px) = (600.0, 600.0, 320.0, 240.0);
         frame.camera = sidestep_msgs::Isometry::camera(0.0, 0.0, 0.5, 0.0);

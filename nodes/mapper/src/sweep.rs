@@ -43,8 +43,8 @@ impl Sweep {
         let sensor = pose.compose(&scan.sensor);
         let from = grid.window(sensor.x_m, sensor.y_m);
         for (beam, &range_m) in scan.range_m[..scan.count as usize].iter().enumerate() {
-            // NaN and readings below the near limit are no measurement.
-            if !(range_m >= scan.near_m) {
+            // Readings below the near limit are no measurement.
+            if range_m.is_nan() || range_m < scan.near_m {
                 continue;
             }
             let bearing = sensor.yaw_rad as f32 + scan.first_rad + beam as f32 * scan.step_rad;

@@ -1,5 +1,7 @@
 //! Anything at all as input: no panic, a status for every frame, and maps whose bytes keep their meaning.
 
+#![allow(clippy::unwrap_used, reason = "a test may unwrap")]
+
 mod scene;
 
 use proptest::prelude::*;
@@ -17,7 +19,8 @@ impl Bytes {
     }
 
     fn number(&mut self) -> f32 {
-        let odd = [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-30, -1e9];
+        let odd =
+            [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-30, -1e9];
         match self.word() % 4 {
             0 => odd[self.word() as usize % odd.len()],
             1 => f32::from_bits(self.word() as u32),
@@ -43,7 +46,7 @@ proptest! {
     fn no_input_panics_and_every_byte_keeps_its_meaning(seed in any::<u64>()) {
         let mut bytes = Bytes(seed);
         let mut mapper = Mapper::new(&Config::shipped(), &loomo()).unwrap();
-        let (mut local, mut safety) = (Box::new(LocalMap::default()), Box::new(SafetyMap::default()));
+        let (mut local, mut safety) = (Box::<LocalMap>::default(), Box::<SafetyMap>::default());
         for step in 1..=25u64 {
             let stamp_ns = step * 33_000_000;
             let pose = sidestep_msgs::Pose2::new(0.1 * step as f64, 0.0, 0.1);

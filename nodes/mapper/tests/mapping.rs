@@ -1,5 +1,7 @@
 //! What one look puts into the maps: closed forms against a rendered world.
 
+#![allow(clippy::unwrap_used, reason = "a test may unwrap")]
+
 mod scene;
 
 use scene::{Scene, View, frame, jackal, loomo};

@@ -1,5 +1,7 @@
 //! What the memory keeps, what it lets go and what it refuses.
 
+#![allow(clippy::unwrap_used, reason = "a test may unwrap")]
+
 mod scene;
 
 use scene::{Scene, View, frame, loomo};
@@ -12,7 +14,9 @@ use sidestep_msgs::{
 const PERIOD_NS: u64 = 33_333_333;
 
 fn mapper(grant_start_disc: bool) -> Mapper {
-    Mapper::new(&Config { grant_start_disc, ..Config::shipped() }, &loomo()).unwrap()
+    let mut robot = loomo();
+    robot.start.disc_m = 0.75;
+    Mapper::new(&Config { grant_start_disc, ..Config::shipped() }, &robot).unwrap()
 }
 
 fn look(mapper: &mut Mapper, scene: &Scene, view: &View, count: u64) -> Status {
@@ -23,13 +27,13 @@ fn look(mapper: &mut Mapper, scene: &Scene, view: &View, count: u64) -> Status {
 }
 
 fn safety(mapper: &Mapper) -> Box<SafetyMap> {
-    let mut map = Box::new(SafetyMap::default());
+    let mut map = Box::<SafetyMap>::default();
     mapper.write_safety(&mut map);
     map
 }
 
 fn local(mapper: &Mapper) -> Box<LocalMap> {
-    let mut map = Box::new(LocalMap::default());
+    let mut map = Box::<LocalMap>::default();
     mapper.write_local(&mut map);
     map
 }

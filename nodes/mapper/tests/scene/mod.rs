@@ -70,7 +70,7 @@ impl View {
 
 /// A frame without pixels, 640 x 480 or a part of it, in millimetres.
 pub(crate) fn frame(divide: u32) -> Box<DepthFrame> {
-    let mut frame: Box<DepthFrame> = Box::new(DepthFrame::default());
+    let mut frame: Box<DepthFrame> = Box::default();
     let scale = 1.0 / divide as f32;
     (frame.width, frame.height) = (640 / divide, 480 / divide);
     frame.metres_per_unit = 0.001;
