@@ -2,8 +2,8 @@
 
 use sidestep_arbiter::{Arbiter, Config};
 use sidestep_msgs::{
-    Command, Header, LocalGoal, Odometry, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE, SafetyMap,
-    Twist, Winner,
+    Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
+    SafetyMap, Twist, Winner,
 };
 
 const NOW_NS: u64 = 1_000_000_000;
@@ -35,7 +35,9 @@ fn driving(map: &SafetyMap, twist: Twist) -> Arbiter {
     let header = Header { source_frame: 1, now_ns: NOW_NS, ..Header::default() };
     for tick in 0..150 {
         let stamp_ns = NOW_NS - 1_500_000_000 / 2 + tick * 5_000_000;
-        arbiter.odometry(&Odometry { stamp_ns, twist, ..Odometry::default() }, &header);
+        // The last bits of a live odometry never stand still.
+        let pose = Pose2::new(0.0, tick as f64 * 1e-12, 0.0);
+        arbiter.odometry(&Odometry { stamp_ns, pose, twist, ..Odometry::default() }, &header);
         arbiter.safety_map(&SafetyMap { capture_ns: stamp_ns, ..*map }, &header);
         arbiter.local_goal(&LocalGoal { capture_ns: stamp_ns, ..LocalGoal::default() }, &header);
         arbiter.proposal(

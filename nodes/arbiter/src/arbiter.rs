@@ -12,8 +12,8 @@ use crate::select::{Selected, Selection};
 use crate::tube::Tube;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{
-    Command, Estop, EstopAction, Header, LocalGoal, NearField, Odometry, Proposal, Ranges, Reason,
-    Robot, SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner,
+    Command, Estop, EstopAction, Header, LocalGoal, NearField, Odometry, Proposal, Ranges, Reason, Robot,
+    SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner,
 };
 
 /// [s] a tick later than this does not allow a larger change of the command.
@@ -84,7 +84,11 @@ impl Arbiter {
         let outline = Outline::new(robot)?;
         if outline.half_width_m.min(outline.front_m).min(outline.rear_m) <= config.overlap_m {
             let found = f64::from(config.overlap_m);
-            return Err(ConfigError { key: "overlap_m", found, needed: "less than the footprint's half-width" });
+            return Err(ConfigError {
+                key: "overlap_m",
+                found,
+                needed: "less than the footprint's half-width",
+            });
         }
         let restarted = incarnation > 0;
         let memory = Memory { operator: Operator::new(restarted), ..Memory::zeroed() };

@@ -69,7 +69,8 @@ impl Outline {
             return Err(ConfigError { key: "footprint radius", found, needed: "0.1 to 0.9 m" });
         }
         for i in 0..count {
-            let (before, here, after) = (polygon[(i + count - 1) % count], polygon[i], polygon[(i + 1) % count]);
+            let (before, here, after) =
+                (polygon[(i + count - 1) % count], polygon[i], polygon[(i + 1) % count]);
             let (a, b) = (normal(before, here), normal(here, after));
             let bend = a[0] * b[1] - a[1] * b[0];
             // Parallel or clockwise edges, and spikes whose sharp corner would run far out.
@@ -100,7 +101,7 @@ impl Outline {
         mut visit: impl FnMut(usize, Option<u128>) -> Option<T>,
     ) -> Option<T> {
         let mut points = [[0.0f32; 2]; CORNERS];
-        let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
+        let (mut lowest, mut highest, mut total) = (f32::MAX, f32::MIN, 0.0);
         for i in 0..self.count {
             let px = self.corners[i][0] + margin_m * self.outward[i][0];
             let py = self.corners[i][1] + margin_m * self.outward[i][1];
@@ -109,9 +110,14 @@ impl Outline {
             points[i] = [x + HALF, y];
             lowest = lowest.min(points[i][0]);
             highest = highest.max(points[i][0]);
+            total += points[i][0] + points[i][1];
         }
-        // NaN fails the comparison and is outside.
-        if !(lowest >= 0.0 && highest < SAFETY_SIDE as f32 && highest - lowest < (SPAN - 2) as f32) {
+        // What is not finite is outside; minimum and maximum alone would pass over NaN.
+        if !(total.is_finite()
+            && lowest >= 0.0
+            && highest < SAFETY_SIDE as f32
+            && highest - lowest < (SPAN - 2) as f32)
+        {
             return visit(0, None);
         }
         let base = lowest as usize;
@@ -231,7 +237,8 @@ impl FreeSpace {
 
     /// Takes a map: free below `free_code`, lately seen up to `old_code`.
     pub(crate) fn take(&mut self, map: &SafetyMap, free_code: u8, old_code: u8) {
-        let lines = map.occupancy.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.age.as_chunks::<SAFETY_SIDE>().0);
+        let lines =
+            map.occupancy.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.age.as_chunks::<SAFETY_SIDE>().0);
         for (index, (occupancy, age)) in lines.enumerate() {
             let row = SAFETY_SIDE - 1 - index;
             let (mut blocked, mut old, mut unknown) = (0u128, 0u128, 0u128);

@@ -13,8 +13,8 @@ use sidestep_msgs::{NO_CELL, Reason, Twist, Winner};
 
 /// [1] a boxed-in robot drives on when this part of the wish is safe again.
 const FREE_SCALE: f32 = 0.5;
-/// [1] a recovery motion scaled below this is blocked.
-const BLOCKED_SCALE: f32 = 0.2;
+/// [rad/s] a wish to turn slower than this is none.
+const WANTS_RAD_S: f32 = 0.1;
 /// [m/s] fastest while the robot overlaps cells that are not free.
 const OVERLAP_M_S: f32 = 0.1;
 
@@ -26,7 +26,8 @@ impl Arbiter {
         let at_once = faulty || matches!(reason, Reason::EstopLatched | Reason::Starting);
         let motion = match self.situation(now_ns) {
             Some(situation) if !at_once && !self.memory.last.is_rest() => {
-                self.ask(&situation, &Question { escapes: false, ..self.question(Twist::STOP, now_ns, dt_s) }).motion
+                self.ask(&situation, &Question { escapes: false, ..self.question(Twist::STOP, now_ns, dt_s) })
+                    .motion
             }
             _ => self.limiter.brake(&self.memory.last, dt_s, false),
         };
@@ -43,7 +44,12 @@ impl Arbiter {
             question.escapes = false;
             Action::Follow
         } else {
-            self.memory.recovery.action(now_ns, &pose, question.side, &self.config)
+            // Proposers that both see no way want to drive as much as one whose wish is blocked.
+            let wish = question.wish;
+            let wants = selected.reason == Reason::UnfitProposals
+                || wish.v_m_s.abs() >= self.config.crawl_m_s
+                || wish.w_rad_s.abs() >= WANTS_RAD_S;
+            self.memory.recovery.action(now_ns, &pose, (wants, question.side), &self.config)
         };
         let (winner, named) = match action {
             Action::Scan(_) => (Winner::Recovery, Some(Reason::ScanRotation)),
@@ -60,7 +66,6 @@ impl Arbiter {
         let wish = question.wish;
         let Some(mut situation) = self.situation(now_ns) else {
             let motion = self.limiter.brake(&self.memory.last, dt_s, false);
-            self.memory.recovery.moved(now_ns, false);
             let filtered = Filtered { motion, scale: 0.0, reason: Reason::Braking, cell: NO_CELL };
             return Verdict { winner, wish, filtered };
         };
@@ -75,7 +80,6 @@ impl Arbiter {
         } else {
             self.ask(&situation, &question)
         };
-        let moved = self.is_moving(&filtered, &question, action);
         if let Action::Rest(reason) = action {
             let may_retry = self.config.resume == Resume::Auto;
             let free = filtered.scale >= FREE_SCALE;
@@ -84,8 +88,6 @@ impl Arbiter {
             filtered = Filtered { scale: 0.0, reason, ..self.ask(&situation, &stop) };
             return Verdict { winner, wish: selected.twist, filtered };
         }
-        // Proposers that both see no way are as blocked as a filter that lets nothing through.
-        self.memory.recovery.moved(now_ns, moved && (named.is_some() || selected.reason != Reason::UnfitProposals));
         filtered.reason = match (filtered.reason, named) {
             (Reason::Clear | Reason::Slowed, Some(named)) => named,
             (Reason::Clear, None) => selected.reason,
@@ -136,19 +138,6 @@ impl Arbiter {
         rolls.abs() > 0.05 && sees(rolls.signum()).is_some_and(|seen| seen.emergency)
     }
 
-    /// Whether anything worth the name moves; a wish to stand still is no trouble.
-    fn is_moving(&self, filtered: &Filtered, question: &Question, action: Action) -> bool {
-        let wish = question.wish;
-        if action != Action::Follow {
-            return filtered.scale > BLOCKED_SCALE;
-        }
-        let still = wish.v_m_s.abs() < self.config.crawl_m_s && wish.w_rad_s.abs() < 0.1;
-        let escapes = matches!(filtered.reason, Reason::Rotating | Reason::Reversing);
-        let follows = filtered.scale * wish.v_m_s.abs() >= self.config.crawl_m_s
-            || filtered.scale * wish.w_rad_s.abs() >= 0.1;
-        still || escapes || follows
-    }
-
     /// What is the same for every candidate of this step, or `None` where the robot overlaps cells that are not free
     /// too deeply to say what is safe.
     pub(crate) fn situation(&self, now_ns: u64) -> Option<Situation> {
@@ -156,12 +145,8 @@ impl Arbiter {
         let odometry = &inputs.odometry;
         let relative = inputs.map_pose.relative(&odometry.pose);
         let (sin, cos) = libm::sincos(relative.yaw_rad);
-        let at = Heading {
-            x_m: relative.x_m as f32,
-            y_m: relative.y_m as f32,
-            cos: cos as f32,
-            sin: sin as f32,
-        };
+        let at =
+            Heading { x_m: relative.x_m as f32, y_m: relative.y_m as f32, cos: cos as f32, sin: sin as f32 };
         let (mut blocked, mut old) = (self.space.blocked, self.space.old);
         self.outline.exempt(&at, &self.space.unknown, &mut blocked);
         // What the robot covers it does not see: its own floor is free where it is not occupied.
@@ -184,4 +169,3 @@ impl Arbiter {
         })
     }
 }
-

@@ -205,6 +205,24 @@ impl Stage {
         self.now_ns += by_ns;
     }
 
+    /// No command comes any more: the base brakes by itself once the last one has run out, until it rests.
+    pub(crate) fn leave_alone(&mut self) {
+        for _ in 0..400 {
+            let ran_out = self.command.valid_until_ns + self.dead_ns <= self.now_ns;
+            if ran_out {
+                let slower = (self.twist.v_m_s.abs() - self.brake_m_s2 * 0.01).max(0.0);
+                let part = if self.twist.v_m_s.abs() > 1e-4 { slower / self.twist.v_m_s.abs() } else { 0.0 };
+                self.twist = Twist::new(self.twist.v_m_s * part, self.twist.w_rad_s * part);
+                self.pose = self.pose.advance(&self.twist, 0.01);
+                self.now_ns += TICK;
+            } else {
+                for _ in 0..10 {
+                    self.advance(MS);
+                }
+            }
+        }
+    }
+
     /// [m] to the nearest solid.
     pub(crate) fn gap_m(&self) -> f64 {
         gap_m(&self.robot, &self.pose, &self.solids)

@@ -1,47 +1,35 @@
-//! The arbiter in the graph: a command at each answer of the lead and at each tick of 10 ms.
+//! The arbiter in the graph: a command every tick, and one more when the lead's proposal of a new frame arrives.
 
-use crate::{Arbiter, Config, ConfigError, Lead, Resume};
+use crate::{Arbiter, Config, Lead, Resume};
 use sidestep_bus::{Boot, Keep, Link, NodeError};
 use sidestep_msgs::{
-    COMMAND, ESTOP, EXPERT_COMMAND, Header, LOCAL_GOAL, NEAR_FIELD, ODOMETRY, POLICY_COMMAND, RANGES,
-    SAFETY_MAP, STATE_ARBITER, Stage, TELEOP, Winner,
+    COMMAND, ESTOP, EXPERT_COMMAND, Header, LOCAL_GOAL, NEAR_FIELD, ODOMETRY, POLICY_COMMAND, RANGES, SAFETY_MAP,
+    STATE_ARBITER, Stage, TELEOP, Winner,
 };
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Control period.
+/// One tick of graph time.
 const TICK: Duration = Duration::from_millis(10);
 
-/// The emergency stop on disk, so that it outlives this process.
-struct LatchFile {
-    path: PathBuf,
-    written: bool,
+/// Where the emergency stop outlives a crash.
+fn latch_file(boot: &Boot, config: &Config) -> PathBuf {
+    let in_run = || boot.domain.root.join(format!("{}.estop", boot.domain.prefix));
+    if config.latch_file.is_empty() { in_run() } else { PathBuf::from(&config.latch_file) }
 }
 
-impl LatchFile {
-    fn open(configured: &str, root: &Path) -> Self {
-        let path = if configured.is_empty() { root.join("latch") } else { configured.into() };
-        Self { written: path.exists(), path }
-    }
-
-    /// Brings the file in line with the latch; before the command that shows it.
-    fn keep(&mut self, latched: bool) -> Result<(), NodeError> {
-        if latched == self.written {
-            return Ok(());
-        }
-        let done =
-            if latched { std::fs::write(&self.path, "latched\n") } else { std::fs::remove_file(&self.path) };
-        let remedy = "the file of the emergency stop must be writable; see arbiter.latch_file";
-        done.map_err(|source| NodeError::File { path: self.path.display().to_string(), source, remedy })?;
-        self.written = latched;
-        Ok(())
+/// Writes the latch down before it is acted on; a disk that refuses does not stop the stop.
+fn keep_latch(path: &Path, latched: bool) {
+    let kept = if latched { std::fs::write(path, "latched\n") } else { std::fs::remove_file(path) };
+    if let Err(error) = kept {
+        eprintln!("arbiter: {}: {error}; the emergency stop will not outlive a crash", path.display());
     }
 }
 
 fn configured(boot: &Boot) -> Result<Config, NodeError> {
     let mut config: Config = boot.config()?;
     config.lead = if boot.lead_winner()? == Winner::Policy { Lead::Policy } else { Lead::Expert };
-    let operator = boot.graph_text("resume")?.is_some_and(|text| text == "operator");
+    let operator = boot.graph_text("resume")?.as_deref() == Some("operator");
     config.resume = if operator { Resume::Operator } else { Resume::Auto };
     Ok(config)
 }
@@ -49,60 +37,74 @@ fn configured(boot: &Boot) -> Result<Config, NodeError> {
 /// Commands until asked to stop.
 ///
 /// # Errors
-/// [`NodeError::Configuration`] with key, found and needed, [`NodeError::File`] for the latch, or [`NodeError::Transport`].
+/// [`NodeError::Configuration`] with key, found and needed, or [`NodeError::Transport`].
 pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let config = configured(boot)?;
-    let refused = |error: ConfigError| NodeError::Configuration(error.to_string());
+    let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
     let mut arbiter = Arbiter::new(&config, &boot.robot()?, boot.incarnation).map_err(refused)?;
-    let mut latch = LatchFile::open(&config.latch_file, &boot.domain.root);
-    if latch.written {
+    let latch = latch_file(boot, &config);
+    let mut latched = latch.exists();
+    if latched {
         arbiter.latch();
     }
 
     let mut link = Link::open(boot)?;
-    let mut odometry = link.inbox(ODOMETRY, Keep::All)?;
+    let mut odometry = link.inbox(ODOMETRY, Keep::Newest)?;
     let mut ranges = link.inbox(RANGES, Keep::Newest)?;
     let mut teleop = link.inbox(TELEOP, Keep::Newest)?;
     let mut estop = link.inbox(ESTOP, Keep::All)?;
-    let mut near = link.inbox(NEAR_FIELD, Keep::Newest)?;
-    let mut maps = link.inbox(SAFETY_MAP, Keep::All)?;
+    let mut near_field = link.inbox(NEAR_FIELD, Keep::Newest)?;
+    let mut maps = link.inbox(SAFETY_MAP, Keep::Newest)?;
     let mut goals = link.inbox(LOCAL_GOAL, Keep::Newest)?;
-    let mut proposals = [
-        (Winner::Policy, link.inbox(POLICY_COMMAND, Keep::All)?),
-        (Winner::Expert, link.inbox(EXPERT_COMMAND, Keep::All)?),
-    ];
+    let mut policy = link.inbox(POLICY_COMMAND, Keep::Newest)?;
+    let mut expert = link.inbox(EXPERT_COMMAND, Keep::Newest)?;
     let mut commands = link.outbox(COMMAND)?;
     let mut states = link.outbox(STATE_ARBITER)?;
-    link.wake_on(POLICY_COMMAND)?;
-    link.wake_on(EXPERT_COMMAND)?;
-    link.wake_on(ESTOP)?;
+    link.wake_on(if config.lead == Lead::Policy { POLICY_COMMAND } else { EXPERT_COMMAND })?;
     link.tick_every(TICK)?;
-    let mut answered = [Header::default(); 2];
+    // Headers of the newest proposals and map: the command carries on the stamps of those it is about.
+    let mut seen = [Header::default(); 3];
     link.run(|step| {
         if step.epoch_raised() {
             arbiter.reset();
         }
-        odometry.each(step, |message, header| arbiter.odometry(message, header))?;
-        ranges.each(step, |message, _| arbiter.ranges(message))?;
-        teleop.each(step, |message, _| arbiter.teleop(message))?;
+        if let Some(message) = odometry.newest(step)? {
+            arbiter.odometry(&message, message.header());
+        }
+        if let Some(message) = ranges.newest(step)? {
+            arbiter.ranges(&message);
+        }
+        if let Some(message) = teleop.newest(step)? {
+            arbiter.teleop(&message);
+        }
         estop.each(step, |message, _| arbiter.estop(message))?;
-        near.each(step, |message, _| arbiter.near_field(message))?;
-        maps.each(step, |message, header| arbiter.safety_map(message, header))?;
-        goals.each(step, |message, header| arbiter.local_goal(message, header))?;
+        if let Some(message) = near_field.newest(step)? {
+            arbiter.near_field(&message);
+        }
+        if let Some(message) = maps.newest(step)? {
+            arbiter.safety_map(&message, message.header());
+            seen[0] = *message.header();
+        }
+        if let Some(message) = goals.newest(step)? {
+            arbiter.local_goal(&message, message.header());
+        }
         let mut due = step.is_tick();
-        for ((from, inbox), newest) in proposals.iter_mut().zip(&mut answered) {
-            inbox.each(step, |message, header| {
-                due |= arbiter.proposal(*from, message, header);
-                *newest = *header;
-            })?;
+        for (inbox, winner, slot) in [(&mut policy, Winner::Policy, 1), (&mut expert, Winner::Expert, 2)] {
+            if let Some(message) = inbox.newest(step)? {
+                due |= arbiter.proposal(winner, &message, message.header());
+                seen[slot] = *message.header();
+            }
         }
         if !due {
             return Ok(());
         }
-        latch.keep(arbiter.latched())?;
+        if arbiter.latched() != latched {
+            latched = arbiter.latched();
+            keep_latch(&latch, latched);
+        }
         let (now_ns, open_loop) = (step.now_ns(), step.is_open_loop());
-        commands.send_about(step, Stage::Arbiter, &answered, |command| {
-            let status = arbiter.step(now_ns, open_loop, command);
+        commands.send_about(step, Stage::Arbiter, &seen, |out| {
+            let status = arbiter.step(now_ns, open_loop, out);
             (status, arbiter.source_frame())
         })?;
         if step.owes_state() {

@@ -9,8 +9,11 @@ const SCAN_RAD: f64 = 2.0 * std::f64::consts::PI;
 /// [ns] longest scan and longest back-up.
 const SCAN_NS: u64 = 20_000_000_000;
 const BACK_UP_NS: u64 = 5_000_000_000;
-/// [ns] a recovery motion that the filter blocks for this long is over.
-const BLOCKED_NS: u64 = 500_000_000;
+/// [ns] a recovery that moves nothing for this long is over.
+const BLOCKED_NS: u64 = 1_500_000_000;
+/// [m] and [rad] what counts as having moved at all.
+const MOVED_M: f64 = 0.08;
+const MOVED_RAD: f64 = 0.3;
 /// [m] this far from the trouble, the next one is a new one.
 const AWAY_M: f64 = 0.5;
 
@@ -45,8 +48,10 @@ pub(crate) struct Recovery {
     last_yaw_rad: f64,
     anchor_ns: u64,
     phase_ns: u64,
-    /// [ns] graph time since which nothing moves; 0 = something does.
-    blocked_ns: u64,
+    /// Pose in `odom` at `still_ns`.
+    still: Pose2,
+    /// [ns] graph time since which the robot did not move although something wants it to.
+    still_ns: u64,
     /// [1, -1] side of the scan.
     side: f32,
     phase: u32,
@@ -60,7 +65,7 @@ impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
         let keep = (self.tried, self.place);
-        *self = Self { anchor: *pose, anchor_ns: now_ns, ..Self::zeroed() };
+        *self = Self { anchor: *pose, anchor_ns: now_ns, still: *pose, still_ns: now_ns, ..Self::zeroed() };
         (self.tried, self.place) = keep;
     }
 
@@ -68,12 +73,19 @@ impl Recovery {
     pub(crate) fn forgive(&mut self) {
         self.phase = FOLLOW;
         self.tried = 0;
-        self.blocked_ns = 0;
+        self.still_ns = 0;
         self.anchor_ns = 0;
     }
 
-    /// What to do now, given that somebody wants to drive towards the side `side`.
-    pub(crate) fn action(&mut self, now_ns: u64, pose: &Pose2, side: f32, config: &Config) -> Action {
+    /// What to do now, given that somebody wants to drive towards the side `side`; `wants` tells whether the wish is
+    /// more than to stand.
+    pub(crate) fn action(
+        &mut self,
+        now_ns: u64,
+        pose: &Pose2,
+        (wants, side): (bool, f32),
+        config: &Config,
+    ) -> Action {
         if self.tried > 0 && pose.distance_m(&self.place) > AWAY_M && self.phase == FOLLOW {
             self.tried = 0;
         }
@@ -81,13 +93,19 @@ impl Recovery {
             self.anchor = *pose;
             self.anchor_ns = now_ns;
         }
+        let turned = wrap_angle(pose.yaw_rad - self.still.yaw_rad).abs();
+        let idle = !wants && self.phase == FOLLOW;
+        if self.still_ns == 0 || idle || pose.distance_m(&self.still) > MOVED_M || turned > MOVED_RAD {
+            self.still = *pose;
+            self.still_ns = now_ns;
+        }
         let since = |begin_ns: u64| now_ns.saturating_sub(begin_ns);
-        let blocked = self.blocked_ns != 0;
+        let still_ns = since(self.still_ns);
         match self.phase {
             SCAN => {
                 self.turned_rad += wrap_angle(pose.yaw_rad - self.last_yaw_rad).abs();
                 self.last_yaw_rad = pose.yaw_rad;
-                if blocked && since(self.blocked_ns) > BLOCKED_NS {
+                if still_ns > BLOCKED_NS {
                     self.begin(BACK_UP, now_ns, pose);
                 } else if self.turned_rad >= SCAN_RAD || since(self.phase_ns) > SCAN_NS {
                     self.begin(FOLLOW, now_ns, pose);
@@ -95,7 +113,7 @@ impl Recovery {
             }
             BACK_UP => {
                 let far = pose.distance_m(&self.place) >= f64::from(config.back_up_m);
-                let stuck = blocked && since(self.blocked_ns) > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
+                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
                 if far {
                     self.begin(FOLLOW, now_ns, pose);
                 } else if stuck {
@@ -104,7 +122,7 @@ impl Recovery {
             }
             REST => {}
             _ => {
-                let boxed_in = blocked && since(self.blocked_ns) >= span_ns(config.boxed_in_s);
+                let boxed_in = still_ns >= span_ns(config.boxed_in_s);
                 let lost = since(self.anchor_ns) >= span_ns(config.no_progress_s);
                 if boxed_in || lost {
                     self.cause = if boxed_in { Reason::BoxedIn } else { Reason::NoProgress } as u32;
@@ -119,21 +137,19 @@ impl Recovery {
     }
 
     /// Whether the rest may end by itself, or because the wish is free again.
-    pub(crate) fn end_rest(&mut self, now_ns: u64, pose: &Pose2, free: bool, may_retry: bool, config: &Config) {
+    pub(crate) fn end_rest(
+        &mut self,
+        now_ns: u64,
+        pose: &Pose2,
+        free: bool,
+        may_retry: bool,
+        config: &Config,
+    ) {
         let waited = now_ns.saturating_sub(self.phase_ns) >= span_ns(config.wait_s);
         let boxed_in = self.cause == Reason::BoxedIn as u32;
         if self.phase == REST && (boxed_in && free || may_retry && waited) {
             self.begin(FOLLOW, now_ns, pose);
             self.tried = 0;
-        }
-    }
-
-    /// Notes whether the filter let anything move.
-    pub(crate) fn moved(&mut self, now_ns: u64, moved: bool) {
-        if moved {
-            self.blocked_ns = 0;
-        } else if self.blocked_ns == 0 {
-            self.blocked_ns = now_ns.max(1);
         }
     }
 
@@ -145,7 +161,8 @@ impl Recovery {
         self.anchor_ns = now_ns;
         self.turned_rad = 0.0;
         self.last_yaw_rad = pose.yaw_rad;
-        self.blocked_ns = 0;
+        self.still = *pose;
+        self.still_ns = now_ns;
     }
 
     fn asked(&self, config: &Config) -> Action {

@@ -17,8 +17,14 @@ const STEPS: u32 = 20;
 const FINE: u32 = 5;
 /// [m/s] an escape begins only below this speed; above, the curve of the brake must not change.
 const SLOW_M_S: f32 = 0.15;
+/// [m/s] and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
+const BEGIN: (f32, f32) = (0.06, 0.3);
+const LEAVE: (f32, f32) = (0.35, 0.6);
 /// [ns] an escape keeps its side for this long after it was last needed.
 const SIDE_NS: u64 = 1_000_000_000;
+
+/// [ns] so long after an escape the next one is a new one.
+const FORGET_NS: u64 = 3_000_000_000;
 
 /// What the filter lets through.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,7 +43,7 @@ pub(crate) struct Filtered {
 pub(crate) struct Escape {
     /// [ns] graph time of the last escape.
     used_ns: u64,
-    /// [m] backed up since something ahead was possible.
+    /// [m] backed up in this escape and those shortly before it.
     reversed_m: f32,
     /// [1, -1] side of the last turn.
     side: f32,
@@ -81,18 +87,17 @@ impl Filter<'_> {
         if wish.v_m_s.abs() < 1e-3 && wish.w_rad_s.abs() < 1e-3 {
             return Filtered { scale: 1.0, ..self.brake(question, Reason::Clear, NO_CELL) };
         }
-        let (best, cell) = self.largest(question, wish);
-        let crawls = best.is_some_and(|(_, scale)| {
-            let (speed, turn) = (scale * wish.v_m_s.abs(), scale * wish.w_rad_s.abs());
-            scale < question.scale_max && speed < self.config.crawl_m_s && turn < 0.1
-        });
-        if let (Some((motion, scale)), false) = (best, crawls) {
-            if wish.v_m_s > 0.0 {
-                escape.reversed_m = 0.0;
-            }
-            let reason = if scale >= 1.0 { Reason::Clear } else { Reason::Slowed };
-            return Filtered { motion, scale, reason, cell: if scale >= 1.0 { NO_CELL } else { cell } };
-        }
+        let cell = match self.nudge(question, wish, escape) {
+            Err(cell) => cell,
+            Ok(()) => match self.largest(question, wish) {
+                (Some((motion, scale)), cell) => {
+                    let clear = scale >= 1.0;
+                    let reason = if clear { Reason::Clear } else { Reason::Slowed };
+                    return Filtered { motion, scale, reason, cell: if clear { NO_CELL } else { cell } };
+                }
+                (None, cell) => cell,
+            },
+        };
         if question.escapes && question.from.twist.v_m_s.abs() < SLOW_M_S {
             let found = self.turn(question, wish, escape).or_else(|| self.back_up(question, escape));
             if let Some((motion, reason)) = found {
@@ -100,10 +105,21 @@ impl Filter<'_> {
                 return Filtered { motion, scale: 0.0, reason, cell };
             }
         }
-        if let Some((motion, scale)) = best {
-            return Filtered { motion, scale, reason: Reason::Slowed, cell };
-        }
         self.brake(question, Reason::Braking, cell)
+    }
+
+    /// Whether a robot that hardly moves has room to move at all along the wish: one tick's worth of speed is always
+    /// safe, and would end in creeping. During an escape more room is asked for, so that it is not left too soon.
+    fn nudge(&self, question: &Question, wish: Twist, escape: &Escape) -> Result<(), u32> {
+        if question.from.twist.v_m_s * wish.v_m_s.signum() > self.config.crawl_m_s {
+            return Ok(());
+        }
+        let escaping = escape.used_ns != 0 && question.now_ns.saturating_sub(escape.used_ns) < SIDE_NS;
+        let (speed, turn) = if escaping && question.escapes { LEAVE } else { BEGIN };
+        let part = (speed / wish.v_m_s.abs().max(1e-6)).min(turn / wish.w_rad_s.abs().max(1e-6));
+        let part = part.min(question.scale_max);
+        let motion = Motion::steady(Twist::new(wish.v_m_s * part, wish.w_rad_s * part));
+        self.try_motion(motion, true, question.lately_seen).map(|_| ())
     }
 
     /// The largest safe scale with its command, and the cell that was in the way of the next larger.
@@ -164,6 +180,7 @@ impl Filter<'_> {
         };
         [side, -side].into_iter().find_map(|side| {
             let turn = Twist::new(0.0, side * self.config.escape_turn_rad_s);
+            self.room(question, Twist::new(0.0, side * BEGIN.1), false)?;
             let motion = self.limiter.towards(&question.from, turn, question.dt_s);
             let motion = self.try_motion(motion, true, false).ok()?;
             escape.side = side;
@@ -171,12 +188,27 @@ impl Filter<'_> {
         })
     }
 
+    /// Whether an escape that did not begin yet has room to begin.
+    fn room(&self, question: &Question, begin: Twist, lately_seen: bool) -> Option<()> {
+        let from = question.from.twist;
+        let along = from.v_m_s * begin.v_m_s + from.w_rad_s * begin.w_rad_s;
+        let half = 0.5 * (begin.v_m_s * begin.v_m_s + begin.w_rad_s * begin.w_rad_s);
+        if along >= half {
+            return Some(());
+        }
+        self.try_motion(Motion::steady(begin), true, lately_seen).ok().map(|_| ())
+    }
+
     /// A short way back over cells seen lately.
     fn back_up(&self, question: &Question, escape: &mut Escape) -> Option<(Motion, Reason)> {
+        if question.now_ns.saturating_sub(escape.used_ns) > FORGET_NS {
+            escape.reversed_m = 0.0;
+        }
         if escape.reversed_m >= self.config.back_up_m || question.wish.v_m_s < 0.0 {
             return None;
         }
         let back = Twist::new(-self.config.back_up_m_s, 0.0);
+        self.room(question, Twist::new(-BEGIN.0, 0.0), true)?;
         let motion = self.limiter.towards(&question.from, back, question.dt_s);
         let motion = self.try_motion(motion, true, true).ok()?;
         escape.reversed_m += (-motion.twist.v_m_s).max(0.0) * question.dt_s;

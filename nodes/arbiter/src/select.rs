@@ -37,7 +37,12 @@ impl Selection {
     ///
     /// # Errors
     /// The reason to stop.
-    pub(crate) fn select(&mut self, inputs: &Inputs, config: &Config, now_ns: u64) -> Result<Selected, Reason> {
+    pub(crate) fn select(
+        &mut self,
+        inputs: &Inputs,
+        config: &Config,
+        now_ns: u64,
+    ) -> Result<Selected, Reason> {
         let usable = |wish: &Wish| wish.is_usable(now_ns, config.proposal_age_s);
         let (policy, expert) = (&inputs.policy, &inputs.expert);
         let (lead, other, lead_winner, other_winner) = match config.lead {
@@ -83,9 +88,7 @@ impl Selection {
         // Infeasible proposals do not refresh the stamp, but their sender lives: told apart by the newest message.
         let unfit = |wish: &Wish| wish.unfit != 0;
         let stale = |wish: &Wish| !wish.stamps.is_fresh(now_ns, config.proposal_age_s);
-        if unfit(policy) && unfit(expert)
-            || unfit(policy) && stale(expert)
-            || unfit(expert) && stale(policy)
+        if unfit(policy) && unfit(expert) || unfit(policy) && stale(expert) || unfit(expert) && stale(policy)
         {
             Reason::UnfitProposals
         } else {

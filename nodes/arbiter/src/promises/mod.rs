@@ -1,3 +1,7 @@
 //! What the arbiter promises, each promise a test.
 
+mod arbitration;
 mod closed_loop;
+mod escapes;
+mod properties;
+mod reasons;

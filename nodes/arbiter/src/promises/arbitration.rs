@@ -1,0 +1,179 @@
+//! Who drives: switching, latches, restarts, answers, and a state that carries over.
+
+use crate::fixture::{MS, Stage, TICK, loomo};
+use crate::{Arbiter, Config, Resume};
+use sidestep_msgs::{Command, Estop, EstopAction, Reason, Twist, Winner};
+
+const FORWARD: Twist = Twist::new(0.5, 0.0);
+
+fn driving() -> Stage {
+    let mut stage = Stage::new(&Config::STANDARD, &[]);
+    stage.wish = FORWARD;
+    stage.ticks(60);
+    stage
+}
+
+fn say(action: EstopAction, token: u64) -> Estop {
+    Estop { token, action: action as u32, _pad: 0 }
+}
+
+#[test]
+fn the_other_drives_within_120_ms_of_the_leads_death_and_the_lead_again_after_ten_frames() {
+    let mut stage = driving();
+    stage.mute.policy = true;
+    let died_ns = stage.now_ns;
+    while stage.command.winner == Winner::Policy as u32 {
+        stage.tick();
+    }
+    assert_eq!(stage.command.winner, Winner::Expert as u32);
+    assert!(stage.now_ns - TICK - died_ns <= 120 * MS, "{} ms", (stage.now_ns - TICK - died_ns) / MS);
+    assert!(stage.command.twist.v_m_s > 0.3, "the switch is seamless");
+    stage.ticks(30);
+    stage.mute.policy = false;
+    let back_ns = stage.now_ns;
+    while stage.command.winner == Winner::Expert as u32 {
+        stage.tick();
+    }
+    let frames = (stage.now_ns - back_ns) / (3 * TICK);
+    assert!((8..=11).contains(&frames), "{frames}");
+}
+
+#[test]
+fn a_policy_in_doubt_gives_way_and_without_the_other_it_drives() {
+    let mut stage = Stage::new(&Config { doubt_limit_m_s: 0.1, ..Config::STANDARD }, &[]);
+    stage.wish = FORWARD;
+    let doubtful = |stage: &mut Stage, doubt_v_m_s: f32| {
+        let (mut proposal, header) = (stage.proposal(), stage.header(sidestep_msgs::Status::Ok));
+        proposal.doubt_v_m_s = doubt_v_m_s;
+        stage.arbiter.proposal(Winner::Policy, &proposal, &header);
+        stage.tick()
+    };
+    stage.mute.policy = true;
+    for (doubt, winner) in [(0.05, Winner::Policy), (0.11, Winner::Expert), (0.09, Winner::Expert)] {
+        for _ in 0..40 {
+            doubtful(&mut stage, doubt);
+        }
+        assert_eq!(stage.command.winner, winner as u32, "{doubt}");
+    }
+    for _ in 0..60 {
+        doubtful(&mut stage, 0.05);
+    }
+    assert_eq!(stage.command.winner, Winner::Policy as u32);
+    stage.mute.expert = true;
+    for _ in 0..40 {
+        doubtful(&mut stage, 0.5);
+    }
+    assert_eq!(stage.command.winner, Winner::Policy as u32, "a doubtful lead is better than none");
+}
+
+#[test]
+fn each_new_frame_of_the_lead_is_answered_once() {
+    let mut stage = driving();
+    let mut answered = Vec::new();
+    for _ in 0..30 {
+        let command = stage.tick();
+        if command.answers != 0 {
+            answered.push(stage.arbiter.source_frame());
+        }
+    }
+    let first = answered[0];
+    assert_eq!(answered, (first..first + 10).collect::<Vec<_>>());
+}
+
+#[test]
+fn an_emergency_stop_is_latched_through_restart_and_restore_until_a_reset_at_rest() {
+    let mut stage = driving();
+    stage.arbiter.estop(&say(EstopAction::Stop, 11));
+    let command = stage.tick();
+    assert_eq!(
+        (command.reason, command.latched, command.operator_token),
+        (Reason::EstopLatched as u32, 1, 11)
+    );
+    stage.arbiter.estop(&say(EstopAction::Reset, 12));
+    assert_eq!(stage.tick().operator_token, 11, "a reset while moving is refused");
+    stage.ticks(200);
+    assert!(stage.arbiter.latched() && stage.twist.v_m_s.abs() < 0.01);
+    let mut bytes = vec![0; sidestep_msgs::ARBITER_STATE_BYTES];
+    let size = stage.arbiter.state(&mut bytes);
+    let mut restored = Arbiter::new(&Config::STANDARD, &loomo(), 0).unwrap();
+    assert!(restored.restore(&bytes[..size]) && restored.latched());
+    stage.arbiter = Arbiter::new(&Config::STANDARD, &loomo(), 1).unwrap();
+    stage.arbiter.latch();
+    stage.ticks(30);
+    assert_eq!(stage.command.reason, Reason::EstopLatched as u32);
+    stage.arbiter.reset();
+    assert!(stage.arbiter.latched(), "a jump of playback is no reset");
+    stage.ticks(10);
+    stage.arbiter.estop(&say(EstopAction::Reset, 13));
+    stage.ticks(60);
+    assert_eq!((stage.command.reason, stage.command.operator_token), (Reason::Clear as u32, 13));
+}
+
+#[test]
+fn a_restarted_arbiter_takes_over_the_speed_of_the_base_and_brakes_within_limits() {
+    let config = Config { resume: Resume::Operator, ..Config::STANDARD };
+    let mut stage = Stage::of(&config, loomo(), &[], 3);
+    (stage.wish, stage.twist) = (FORWARD, Twist::new(0.6, 0.0));
+    let mut before = 0.6;
+    while stage.command.reason != Reason::AwaitOperator as u32 {
+        let v = stage.tick().twist.v_m_s;
+        assert!(before - v <= 0.0051 && v <= before, "{before} {v}");
+        before = v;
+    }
+    assert!(stage.twist.v_m_s.abs() < 0.03);
+}
+
+#[test]
+fn teleop_passes_the_same_filter_and_gives_the_robot_back() {
+    let mut stage = Stage::new(&Config::STANDARD, &[[1.0, -3.0, 2.0, 3.0]]);
+    let drive = |stage: &mut Stage, dead_man| {
+        let wish =
+            sidestep_msgs::Teleop { stamp_ns: stage.now_ns, v_m_s: 1.0, dead_man, ..Default::default() };
+        stage.arbiter.teleop(&wish);
+        stage.tick()
+    };
+    for _ in 0..600 {
+        drive(&mut stage, 1);
+        assert!(stage.gap_m() > 0.02);
+    }
+    assert_eq!(stage.command.winner, Winner::Teleop as u32);
+    assert!(stage.gap_m() < 0.2 && stage.command.twist.w_rad_s.abs() < 1e-3, "no escapes by itself");
+    stage.wish = Twist::new(0.0, 0.5);
+    drive(&mut stage, 0);
+    assert_eq!(stage.command.winner, Winner::Policy as u32);
+}
+
+#[test]
+fn a_restored_arbiter_gives_the_same_commands() {
+    let mut stage = Stage::new(&Config::STANDARD, &[[1.6, -0.2, 2.6, 3.0], [0.5, -1.5, 3.0, -0.6]]);
+    stage.wish = Twist::new(0.7, 0.2);
+    for _ in 0..40 {
+        stage.ticks(7);
+        let mut bytes = vec![0; sidestep_msgs::ARBITER_STATE_BYTES];
+        let size = stage.arbiter.state(&mut bytes);
+        let mut twin = Arbiter::new(&Config::STANDARD, &loomo(), 0).unwrap();
+        assert!(twin.restore(&bytes[..size]));
+        let mut mine = stage.arbiter.clone();
+        let (mut a, mut b) = (Command::default(), Command::default());
+        mine.step(stage.now_ns, false, &mut a);
+        twin.step(stage.now_ns, false, &mut b);
+        assert_eq!(bytemuck::bytes_of(&a), bytemuck::bytes_of(&b));
+    }
+    assert!(!stage.arbiter.restore(&[0; 10]));
+    assert_eq!(stage.arbiter.state(&mut [0; 10]), 0);
+}
+
+#[test]
+fn a_recording_that_no_command_can_change_says_so_and_starts_no_recovery() {
+    let mut stage = driving();
+    for _ in 0..1500 {
+        // The robot of the recording stands; the arbiter's words do not move it.
+        let pose = stage.pose;
+        stage.feed();
+        let mut command = Command::default();
+        stage.arbiter.step(stage.now_ns, true, &mut command);
+        assert_eq!((command.open_loop, command.winner), (1, Winner::Policy as u32));
+        stage.now_ns += TICK;
+        stage.pose = pose;
+    }
+}

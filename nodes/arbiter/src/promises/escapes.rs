@@ -1,0 +1,141 @@
+//! Ways out: turning, backing up, recovery, squeezing away from what is too near.
+
+use crate::Config;
+use crate::fixture::{Stage, map_of};
+use sidestep_msgs::{AGE_NEVER, AGE_OLDER, Header, Reason, SAFETY_GRID, Twist};
+
+const CONFIG: Config = Config::STANDARD;
+
+/// Boxed in from all sides for a while; then the box opens ahead.
+#[test]
+fn a_robot_boxed_in_stands_and_drives_on_when_the_way_opens() {
+    let cage =
+        [[0.3, -3.0, 1.0, 3.0], [-3.0, 0.36, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.36], [-1.0, -3.0, -0.3, 3.0]];
+    let mut stage = Stage::new(&CONFIG, &cage);
+    stage.wish = Twist::new(0.5, 0.0);
+    let mut reasons = Vec::new();
+    for _ in 0..800 {
+        let reason = stage.tick().reason;
+        assert!(stage.gap_m() > 0.0, "{:?}", stage.pose);
+        if !reasons.contains(&reason) {
+            reasons.push(reason);
+        }
+    }
+    assert!(reasons.contains(&(Reason::BoxedIn as u32)), "{reasons:?}");
+    stage.solids.remove(0);
+    stage.ticks(500);
+    assert!(stage.pose.x_m > 0.5, "{:?} {:?}", stage.pose, stage.command);
+}
+
+/// A lead that wants to stand although there is a goal: scan, back up, then rest and ask.
+#[test]
+fn no_progress_leads_to_a_full_turn_then_a_short_way_back_then_rest() {
+    let mut stage = Stage::new(&CONFIG, &[]);
+    let mut order = Vec::new();
+    let mut turned = 0.0;
+    let mut yaw = 0.0;
+    for _ in 0..6000 {
+        let reason = stage.tick().reason;
+        turned += sidestep_msgs::wrap_angle(stage.pose.yaw_rad - yaw);
+        yaw = stage.pose.yaw_rad;
+        if order.last() != Some(&reason) {
+            order.push(reason);
+        }
+        if reason == Reason::NoProgress as u32 {
+            break;
+        }
+    }
+    let [clear, scan, back, rest] =
+        [Reason::Clear, Reason::ScanRotation, Reason::BackUp, Reason::NoProgress].map(|reason| reason as u32);
+    assert_eq!(order[1..], [clear, scan, clear, back, clear, rest]);
+    assert!((6.2..6.8).contains(&turned), "{turned}");
+    let way = libm::hypot(stage.pose.x_m, stage.pose.y_m);
+    assert!((0.25..0.4).contains(&way), "{way}");
+}
+
+#[test]
+fn backing_up_crosses_only_cells_seen_lately_and_not_more_than_its_length() {
+    let slot = [[0.25, -3.0, 1.0, 3.0], [-3.0, 0.34, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.34]];
+    for lately in [true, false] {
+        let mut stage = Stage::new(&CONFIG, &slot);
+        stage.wish = Twist::new(0.5, 0.0);
+        stage.mute.map = true;
+        let mut least = 0.0f64;
+        for _ in 0..280 {
+            let mut map = map_of(&stage.solids, &stage.pose, stage.now_ns);
+            map.age.fill(if lately { 5 } else { AGE_OLDER });
+            stage.arbiter.safety_map(&map, &Header::default());
+            stage.tick();
+            least = least.min(stage.pose.x_m);
+        }
+        assert_eq!(least < -0.05, lately, "{least}");
+        assert!(least > -0.4, "{least}");
+    }
+}
+
+#[test]
+fn unseen_cells_are_not_driven_on_however_free_they_look() {
+    let mut stage = Stage::new(&CONFIG, &[]);
+    stage.wish = Twist::new(0.5, 0.0);
+    stage.mute.map = true;
+    for _ in 0..300 {
+        let mut map = map_of(&[], &stage.pose, stage.now_ns);
+        for (index, age) in map.age.iter_mut().enumerate() {
+            let (x, y) = SAFETY_GRID.centre(index / 80, index % 80);
+            let (x, _) = stage.pose.transform(f64::from(x), f64::from(y));
+            if x > 0.8 {
+                *age = AGE_NEVER;
+            }
+        }
+        stage.arbiter.safety_map(&map, &Header::default());
+        stage.tick();
+    }
+    assert!((0.45..0.66).contains(&stage.pose.x_m), "{:?}", stage.pose);
+}
+
+/// Old memory is memory: five minutes of standing make no cell unknown by themselves.
+#[test]
+fn cells_seen_long_ago_carry_the_robot_on() {
+    let mut stage = Stage::new(&CONFIG, &[]);
+    stage.wish = Twist::new(0.5, 0.0);
+    stage.mute.map = true;
+    for _ in 0..300 {
+        let mut map = map_of(&[], &stage.pose, stage.now_ns);
+        map.age.fill(AGE_OLDER);
+        map.occupancy.fill(60);
+        stage.arbiter.safety_map(&map, &Header::default());
+        stage.tick();
+    }
+    assert!(stage.pose.x_m > 1.0, "{:?}", stage.pose);
+}
+
+/// A box just beside the flank, inside the margin: it may leave, slowly, and not come nearer.
+#[test]
+fn a_robot_with_something_inside_its_margin_leaves_without_coming_nearer() {
+    for gap in [0.002, 0.01, 0.02, 0.04] {
+        let side = 0.285 + gap;
+        let mut stage = Stage::new(&CONFIG, &[[-0.3, side, 0.3, side + 0.2]]);
+        stage.wish = Twist::new(0.5, 0.0);
+        let start = stage.gap_m();
+        for _ in 0..1000 {
+            stage.tick();
+            assert!(stage.gap_m() > start - 0.006, "gap {gap}: {} {:?}", stage.gap_m(), stage.pose);
+        }
+        assert!(stage.pose.x_m > 1.0, "gap {gap}: {:?} {:?}", stage.pose, stage.command);
+    }
+}
+
+/// Noise: one cell ahead of the bumper flickers; the robot slows, and never calls an emergency for it when far.
+#[test]
+fn a_far_flicker_stops_nobody() {
+    let mut stage = Stage::new(&CONFIG, &[]);
+    stage.wish = Twist::new(0.5, 0.0);
+    for tick in 0..300 {
+        let x = stage.pose.x_m + 1.7;
+        stage.solids = if tick / 3 % 4 == 0 { vec![[x, -0.02, x + 0.03, 0.02]] } else { vec![] };
+        let command = stage.tick();
+        if tick > 120 {
+            assert!(command.twist.v_m_s > 0.45, "{command:?}");
+        }
+    }
+}
