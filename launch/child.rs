@@ -161,7 +161,8 @@ pub(crate) fn usage(process: u32) -> Usage {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     // Fields 14 and 15, counted behind the name in brackets, in hundredths of a second.
     let after_name = stat.rsplit_once(')').map_or("", |(_, rest)| rest);
-    let ticks: f64 = after_name.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum();
+    let ticks: f64 =
+        after_name.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum();
     let smaps = std::fs::read_to_string(format!("/proc/{process}/smaps_rollup")).unwrap_or_default();
     let pss_kb = smaps.lines().find_map(|line| line.strip_prefix("Pss:"));
     let pss_kb = pss_kb.and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<f64>().ok());

@@ -99,7 +99,9 @@ impl Printer {
         }
         self.line(format_args!("    ]"));
         if !type_name.is_empty() {
-            self.line(format_args!("    @staticmethod\n    def type_name() -> str:\n        return \"{type_name}\""));
+            self.line(format_args!(
+                "    @staticmethod\n    def type_name() -> str:\n        return \"{type_name}\""
+            ));
         }
         self.line(format_args!(""));
     }
@@ -120,11 +122,15 @@ pub(crate) fn print(language: Language) -> String {
     match language {
         Language::C => {
             let head = "#pragma once\n#include <assert.h>\n#include <stddef.h>\n#include <stdint.h>";
-            printer.line(format_args!("// Messages of sidestep {version}, made by `sidestep interface --c`.\n{head}\n"));
+            printer.line(format_args!(
+                "// Messages of sidestep {version}, made by `sidestep interface --c`.\n{head}\n"
+            ));
         }
         Language::Python => {
             let head = "import ctypes";
-            printer.line(format_args!("# Messages of sidestep {version}, made by `sidestep interface --python`.\n{head}\n"));
+            printer.line(format_args!(
+                "# Messages of sidestep {version}, made by `sidestep interface --python`.\n{head}\n"
+            ));
         }
     }
     printer.structure("Header", Header::FIELDS, Header::NAME, Header::LAYOUT_HASH);
@@ -133,7 +139,8 @@ pub(crate) fn print(language: Language) -> String {
     printer.line(format_args!("{mark} service, structure, writer, rate [Hz]"));
     for row in TOPICS {
         let structure = structure_name(row.type_name);
-        printer.line(format_args!("{mark} sidestep/{}, {structure}, {}, {}", row.name, row.writer, row.rate_hz));
+        printer
+            .line(format_args!("{mark} sidestep/{}, {structure}, {}, {}", row.name, row.writer, row.rate_hz));
     }
     printer.text
 }

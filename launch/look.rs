@@ -1,10 +1,12 @@
 //! Looking into a run from outside: `sidestep topic` and `sidestep top`.
 
 use crate::failure::Failure;
-use sidestep_bus::{DomainName, Inbox, Keep, Link, NodeError, Step, environment, host_ns, live_domains, pause};
+use sidestep_bus::{
+    DomainName, Inbox, Keep, Link, NodeError, Step, environment, host_ns, live_domains, pause,
+};
 use sidestep_msgs::{
-    COMMAND, Code, Command, Health, Message, NodeState, Reason, TOPICS, Topic, TopicVisitor, Winner, health_topic, topic_named,
-    visit_topics,
+    COMMAND, Code, Command, Health, Message, NodeState, Reason, TOPICS, Topic, TopicVisitor, Winner,
+    health_topic, topic_named, visit_topics,
 };
 use std::time::Duration;
 
@@ -16,7 +18,10 @@ pub(crate) fn newest_run() -> Result<DomainName, Failure> {
     if let (Ok(prefix), Ok(root)) = (std::env::var(environment::DOMAIN), std::env::var(environment::ROOT)) {
         return Ok(DomainName { prefix, root: root.into() });
     }
-    live_domains().into_iter().next().ok_or_else(|| Failure::io("no run is alive; start one with `sidestep run`"))
+    live_domains()
+        .into_iter()
+        .next()
+        .ok_or_else(|| Failure::io("no run is alive; start one with `sidestep run`"))
 }
 
 /// Joins the newest run as a tool.
@@ -61,7 +66,10 @@ impl Listener<'_> {
                 self.received += 1;
                 if self.echo {
                     let header = message.header();
-                    let lead = format!("sequence {} frame {} now {}", header.sequence, header.source_frame, header.now_ns);
+                    let lead = format!(
+                        "sequence {} frame {} now {}",
+                        header.sequence, header.source_frame, header.now_ns
+                    );
                     crate::output::line(&format!("{lead}: {}", brief(&format!("{:?}", *message))));
                 }
                 if self.received >= self.count_most {
@@ -154,12 +162,14 @@ pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure
 fn page(nodes: &[(&str, Inbox<Health>, Option<(Health, u64)>)], command: Option<&Command>) -> String {
     let head = ["node", "state", "steps", "frame", "mean ms", "worst ms", "misses", "lost", "skipped"];
     let [node, state, steps, frame, mean, worst, misses, lost, skipped] = head;
-    let mut text =
-        format!("{node:<9} {state:<9} {steps:>9} {frame:>8} {mean:>9} {worst:>9} {misses:>7} {lost:>6} {skipped:>8}\n");
+    let mut text = format!(
+        "{node:<9} {state:<9} {steps:>9} {frame:>8} {mean:>9} {worst:>9} {misses:>7} {lost:>6} {skipped:>8}\n"
+    );
     for (name, _, newest) in nodes {
         let Some((health, seen_ns)) = newest else { continue };
         let silent = host_ns().saturating_sub(*seen_ns) > 500_000_000;
-        let state = if silent { "silent" } else { NodeState::from_code(health.state).map_or("?", NodeState::label) };
+        let state =
+            if silent { "silent" } else { NodeState::from_code(health.state).map_or("?", NodeState::label) };
         let sum = |counts: &[u64]| counts.iter().sum::<u64>();
         text.push_str(&format!(
             "{name:<9} {state:<9} {:>9} {:>8} {:>9.3} {:>9.3} {:>7} {:>6} {:>8}\n",

@@ -220,7 +220,10 @@ fn topic(command: TopicCommands) -> Result<(), Failure> {
         }
         TopicCommands::Echo { topic, count, time } => {
             if look::listen(&topic, true, time, count)? == 0 {
-                return Err(Failure::unmet(format!("{topic}: no message within {:.1} s", time.as_secs_f64())));
+                return Err(Failure::unmet(format!(
+                    "{topic}: no message within {:.1} s",
+                    time.as_secs_f64()
+                )));
             }
         }
     }
@@ -233,7 +236,13 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Check { graph, settings } => {
             let graph = manifest::Graph::load(&graph, &settings)?;
             let names: Vec<_> = graph.nodes.iter().map(|node| node.name.as_str()).collect();
-            output::line(&format!("graph {}: {} nodes: {}; robot {}", graph.origin, names.len(), names.join(", "), graph.robot.name));
+            output::line(&format!(
+                "graph {}: {} nodes: {}; robot {}",
+                graph.origin,
+                names.len(),
+                names.join(", "),
+                graph.robot.name
+            ));
             Ok(())
         }
         Commands::Play { file, rate, repeat, start_offset, flags } => {

@@ -175,7 +175,8 @@ fn read(kind: &str, built_in: &[(&str, &str)], origin: &str) -> Result<String, F
 
 /// Applies `NODE.KEY=VALUE`, or `KEY=VALUE` for a key of the whole graph.
 fn apply(table: &mut toml::Table, setting: &str) -> Result<(), Failure> {
-    let wrong = |why: &str| Failure::usage(format!("--set {setting}: {why}; needed: NODE.KEY=VALUE or KEY=VALUE"));
+    let wrong =
+        |why: &str| Failure::usage(format!("--set {setting}: {why}; needed: NODE.KEY=VALUE or KEY=VALUE"));
     let (path, value) = setting.split_once('=').ok_or_else(|| wrong("no ="))?;
     // A value that is not TOML is meant as text.
     let value = format!("v = {value}")
@@ -189,13 +190,18 @@ fn apply(table: &mut toml::Table, setting: &str) -> Result<(), Failure> {
     };
     let place = match node {
         "supervision" | "budgets_ms" => table.get_mut(node),
-        _ => table.get_mut("nodes").and_then(|nodes| nodes.get_mut(node)).and_then(|entry| entry.get_mut("config")),
+        _ => table
+            .get_mut("nodes")
+            .and_then(|nodes| nodes.get_mut(node))
+            .and_then(|entry| entry.get_mut("config")),
     };
-    let place = place.and_then(toml::Value::as_table_mut).ok_or_else(|| wrong("no such node in this graph"))?;
+    let place =
+        place.and_then(toml::Value::as_table_mut).ok_or_else(|| wrong("no such node in this graph"))?;
     let (parents, last) = key.rsplit_once('.').map_or((None, key), |(parents, last)| (Some(parents), last));
     let mut place = place;
     for parent in parents.into_iter().flat_map(|parents| parents.split('.')) {
-        place = place.get_mut(parent).and_then(toml::Value::as_table_mut).ok_or_else(|| wrong("no such key"))?;
+        place =
+            place.get_mut(parent).and_then(toml::Value::as_table_mut).ok_or_else(|| wrong("no such key"))?;
     }
     place.insert(last.to_owned(), value);
     Ok(())
@@ -216,11 +222,13 @@ impl Graph {
             for setting in settings {
                 apply(&mut table, setting)?;
             }
-            text = toml::to_string(&table).map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
+            text = toml::to_string(&table)
+                .map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
             file = Self::parse(&format!("{origin} with --set {}", settings.join(" --set ")), &text)?;
         }
         let robot_text = read("robot", ROBOTS, &file.robot)?;
-        let robot = Robot::from_toml(&file.robot, &robot_text).map_err(|error| Failure::usage(error.to_string()))?;
+        let robot =
+            Robot::from_toml(&file.robot, &robot_text).map_err(|error| Failure::usage(error.to_string()))?;
         let nodes = plans(&file, origin)?;
         Ok(Self {
             origin: origin.to_owned(),
@@ -238,11 +246,6 @@ impl Graph {
         toml::from_str(text).map_err(|error| Failure::usage(format!("graph {origin}: {error}")))
     }
 
-    /// Whether a node is part of the graph.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.nodes.iter().any(|node| node.name == name)
-    }
-
     /// Writes the resolved files where the nodes will look for them.
     ///
     /// # Errors
@@ -250,7 +253,8 @@ impl Graph {
     pub(crate) fn write(&self, root: &Path) -> Result<(), Failure> {
         for (name, text) in [("graph.toml", &self.text), ("robot.toml", &self.robot_text)] {
             let path = root.join(name);
-            std::fs::write(&path, text).map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
+            std::fs::write(&path, text)
+                .map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
         }
         Ok(())
     }
@@ -288,7 +292,9 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
             return Err(Failure::usage(why));
         }
         if external.command.is_empty() {
-            return Err(Failure::usage(format!("graph {origin}: external.{name}.command is empty; give a program")));
+            return Err(Failure::usage(format!(
+                "graph {origin}: external.{name}.command is empty; give a program"
+            )));
         }
         plans.push(NodePlan {
             name: name.clone(),

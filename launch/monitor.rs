@@ -5,8 +5,8 @@ use crate::manifest::Graph;
 use sidestep_bus::{Inbox, Keep, Link, Step, host_ns};
 use sidestep_latency::Collector;
 use sidestep_msgs::{
-    COMMAND, Code, Command, DEPTH, DepthFrame, EXPERT_COMMAND, Header, POLICY_COMMAND, Proposal, Reason, TRUTH, Truth,
-    Winner,
+    COMMAND, Code, Command, DEPTH, DepthFrame, EXPERT_COMMAND, Header, POLICY_COMMAND, Proposal, Reason,
+    TRUTH, Truth, Winner,
 };
 use std::collections::BTreeMap;
 

@@ -41,7 +41,10 @@ pub(crate) fn say(action: EstopAction) -> Result<String, Failure> {
         }
         pause(Duration::from_millis(2));
     }
-    let why = format!("{} was not acknowledged within 0.5 s; is the arbiter alive? see `sidestep top`", action.label());
+    let why = format!(
+        "{} was not acknowledged within 0.5 s; is the arbiter alive? see `sidestep top`",
+        action.label()
+    );
     Err(Failure::io(why))
 }
 
@@ -70,7 +73,8 @@ pub(crate) fn teleop(v_m_s: f32, w_rad_s: f32, time: Duration) -> Result<(), Fai
         link.look(&mut step)?;
         let stamp_ns = step.now_ns();
         let (v_m_s, w_rad_s) = if dead_man == 1 { (v_m_s, w_rad_s) } else { (0.0, 0.0) };
-        Ok(outbox.send(&mut step, |teleop| *teleop = Teleop { stamp_ns, v_m_s, w_rad_s, dead_man, _pad: 0 })?)
+        Ok(outbox
+            .send(&mut step, |teleop| *teleop = Teleop { stamp_ns, v_m_s, w_rad_s, dead_man, _pad: 0 })?)
     };
     while host_ns() < until_ns {
         wish(1)?;

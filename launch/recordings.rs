@@ -17,7 +17,13 @@ fn failure(error: &PlayerError) -> Failure {
 ///
 /// # Errors
 /// Exit code 3 where the recording cannot be read.
-pub(crate) fn play(file: &Path, rate: f64, repeat: bool, offset_s: f64, run: Options) -> Result<Options, Failure> {
+pub(crate) fn play(
+    file: &Path,
+    rate: f64,
+    repeat: bool,
+    offset_s: f64,
+    run: Options,
+) -> Result<Options, Failure> {
     Info::read(file).map_err(|error| failure(&error))?;
     let absolute = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
     let mut settings = vec![

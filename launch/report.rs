@@ -59,7 +59,11 @@ impl<'a> Summary<'a> {
         Self {
             monitor,
             nodes: supervisor.nodes.iter().map(node).collect(),
-            topics: TOPICS.iter().map(topic).filter(|(_, counts)| counts.iter().any(|&count| count > 0)).collect(),
+            topics: TOPICS
+                .iter()
+                .map(topic)
+                .filter(|(_, counts)| counts.iter().any(|&count| count > 0))
+                .collect(),
             events: &supervisor.events,
             duration_s: monitor.began_ns.map_or(0.0, |began_ns| (host_ns() - began_ns) as f64 * 1e-9),
             origin: graph.origin.clone(),
@@ -105,7 +109,8 @@ impl<'a> Summary<'a> {
             let _ = writeln!(text, "open loop: the sensors are a recording that no command changes");
         }
         let share = |count: u64| 100.0 * count as f64 / monitor.ticks.max(1) as f64;
-        let _ = writeln!(text, "arbiter: {} commands, {:.1} % modified", monitor.ticks, share(monitor.modified));
+        let _ =
+            writeln!(text, "arbiter: {} commands, {:.1} % modified", monitor.ticks, share(monitor.modified));
         let mut reasons: Vec<_> = monitor.reasons.iter().collect();
         reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
         for (reason, &count) in reasons {
@@ -189,7 +194,10 @@ impl<'a> Summary<'a> {
             }
         }
         if let Some(node) = self.nodes.iter().find(|node| node.exit_code == Some(3)) {
-            return Err(Failure::io(format!("{} lost input or output; its own lines above say why", node.name)));
+            return Err(Failure::io(format!(
+                "{} lost input or output; its own lines above say why",
+                node.name
+            )));
         }
         if options.gate_latency && self.monitor.latency.misses() > 0 {
             return Err(Failure::unmet("latency budgets were missed; the table above says where".to_owned()));

@@ -98,12 +98,25 @@ impl Supervisor {
         let domain = Domain::create(run)?;
         graph.write(&domain.name.root)?;
         let link = Link::attach(&domain.name, "supervisor", run, 0)?;
-        let nodes = graph.nodes.iter().cloned().map(|plan| Watched::new(plan, &link)).collect::<Result<_, _>>()?;
+        let nodes =
+            graph.nodes.iter().cloned().map(|plan| Watched::new(plan, &link)).collect::<Result<_, _>>()?;
         let names = RunNames { domain: domain.name.clone(), run };
         let (step, events, now_ns) = (Step::new(), Vec::new(), host_ns());
         let sweeper = Sweeper::Idle;
         let usage_due_ns = now_ns;
-        Ok(Self { nodes, events, graph, names, link, step, sweeper, sweeps_failed: 0, looked_ns: now_ns, usage_due_ns, domain })
+        Ok(Self {
+            nodes,
+            events,
+            graph,
+            names,
+            link,
+            step,
+            sweeper,
+            sweeps_failed: 0,
+            looked_ns: now_ns,
+            usage_due_ns,
+            domain,
+        })
     }
 
     /// A link into the run, for the monitor.
@@ -124,7 +137,9 @@ impl Supervisor {
 
     /// Whether a player has come to the end of its recording.
     pub(crate) fn source_ended(&self) -> bool {
-        self.nodes.iter().any(|node| node.plan.name == "player" && node.phase == Phase::Ended && node.exit_code == Some(0))
+        self.nodes
+            .iter()
+            .any(|node| node.plan.name == "player" && node.phase == Phase::Ended && node.exit_code == Some(0))
     }
 
     /// Where the recorder writes, by its own word.

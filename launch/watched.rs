@@ -101,7 +101,8 @@ impl Watched {
                 self.child = Some(child);
                 self.phase = Phase::Starting;
                 (self.since_ns, self.beat_ns) = (now_ns, now_ns);
-                (self.incarnation > 0).then(|| self.event(now_ns, format!("started again, incarnation {}", self.incarnation)))
+                (self.incarnation > 0)
+                    .then(|| self.event(now_ns, format!("started again, incarnation {}", self.incarnation)))
             }
             Err(error) => {
                 self.phase = Phase::Ended;
@@ -203,7 +204,11 @@ impl Watched {
         }
         // The first restart in a row is immediate, then the pause doubles.
         let doublings = self.restarts_in_row.saturating_sub(1).min(20);
-        let pause_ms = if self.restarts_in_row == 0 { 0 } else { (limits.delay_ms << doublings).min(limits.delay_most_ms) };
+        let pause_ms = if self.restarts_in_row == 0 {
+            0
+        } else {
+            (limits.delay_ms << doublings).min(limits.delay_most_ms)
+        };
         self.restarts_in_row += 1;
         self.due_ns = now_ns + pause_ms * 1_000_000;
         self.phase = Phase::Waiting;
@@ -214,7 +219,8 @@ impl Watched {
     /// # Errors
     /// [`NodeError::Transport`] where its heartbeat cannot be read there.
     pub(crate) fn move_to(&mut self, link: &Link) -> Result<(), NodeError> {
-        self.heartbeat = health_topic(&self.plan.name).map(|topic| link.inbox(topic, Keep::Newest)).transpose()?;
+        self.heartbeat =
+            health_topic(&self.plan.name).map(|topic| link.inbox(topic, Keep::Newest)).transpose()?;
         if self.phase != Phase::Ended {
             self.phase = Phase::Waiting;
             self.due_ns = 0;
@@ -237,7 +243,9 @@ impl Watched {
 
     /// Messages of a topic: sent, lost, skipped, over all incarnations.
     pub(crate) fn counts(&self, topic: usize) -> [u64; 3] {
-        let now = self.health.map_or([0; 3], |health| [health.sent[topic], health.lost[topic], health.skipped[topic]]);
+        let now = self
+            .health
+            .map_or([0; 3], |health| [health.sent[topic], health.lost[topic], health.skipped[topic]]);
         std::array::from_fn(|kind| self.past[kind][topic] + now[kind])
     }
 

@@ -5,7 +5,8 @@ use sidestep_expert::Expert;
 use sidestep_goal::Goal;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, Robot, SafetyMap, Status, Winner,
+    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, Robot, SafetyMap,
+    Status, Winner,
 };
 use sidestep_policy::Policy;
 use sidestep_sim::Simulator;
@@ -18,7 +19,10 @@ thread_local! {
     static COUNT: Cell<u64> = const { Cell::new(0) };
 }
 
-#[allow(unsafe_code, reason = "an allocator is unsafe by nature; this one only counts what the system's does")]
+#[allow(
+    unsafe_code,
+    reason = "an allocator is unsafe by nature; this one only counts what the system's does"
+)]
 // SAFETY: every call is passed on unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -61,8 +65,10 @@ fn no_step_allocates_and_the_policy_a_constant() {
     let mut depth: Box<DepthFrame> = Box::default();
     let mut path: Box<Path> = Box::default();
     let (mut local, mut safety): (Box<LocalMap>, Box<SafetyMap>) = (Box::default(), Box::default());
-    let (mut odometry, mut ranges, mut local_goal) = (Odometry::default(), Ranges::default(), LocalGoal::default());
-    let (mut by_policy, mut by_expert, mut command) = (Proposal::default(), Proposal::default(), Command::default());
+    let (mut odometry, mut ranges, mut local_goal) =
+        (Odometry::default(), Ranges::default(), LocalGoal::default());
+    let (mut by_policy, mut by_expert, mut command) =
+        (Proposal::default(), Proposal::default(), Command::default());
     simulator.path(&mut path);
     let mut counts = [0u64; 5];
     let mut inference = Vec::new();
@@ -72,7 +78,8 @@ fn no_step_allocates_and_the_policy_a_constant() {
             simulator.advance(now_ns);
             simulator.odometry(&mut odometry);
             simulator.ranges(&mut ranges);
-            let header = Header { sequence: frame * 3 + tick, source_frame: frame, now_ns, ..Header::default() };
+            let header =
+                Header { sequence: frame * 3 + tick, source_frame: frame, now_ns, ..Header::default() };
             counts[0] += allocations(|| mapper.odometry(&odometry));
             counts[4] += allocations(|| arbiter.odometry(&odometry, &header));
         }

@@ -27,8 +27,13 @@ fn the_shipped_graphs_are_valid() {
 #[test]
 fn an_unknown_key_is_shown_with_line_column_and_what_is_allowed() {
     let folder = Folder::new("unknown-key");
-    let path = folder.write("graph.toml", &graph().replace("lead = \"policy\"", "lead = \"policy\"\ncolour = 3"));
-    refused(&["check", &path], 2, &["line", "column 1", "colour = 3", "unknown field `colour`, expected one of"]);
+    let path =
+        folder.write("graph.toml", &graph().replace("lead = \"policy\"", "lead = \"policy\"\ncolour = 3"));
+    refused(
+        &["check", &path],
+        2,
+        &["line", "column 1", "colour = 3", "unknown field `colour`, expected one of"],
+    );
 }
 
 #[test]
@@ -47,28 +52,45 @@ fn a_wrong_type_is_shown_with_line_and_column() {
 
 #[test]
 fn a_setting_is_checked_like_the_file() {
-    refused(&["check", "sim", "--set", "sim.persons=3"], 2, &["--set sim.persons=3", "unknown field `persons`"]);
+    refused(
+        &["check", "sim", "--set", "sim.persons=3"],
+        2,
+        &["--set sim.persons=3", "unknown field `persons`"],
+    );
     refused(&["check", "sim", "--set", "cellar.key=3"], 2, &["no such node in this graph", "NODE.KEY=VALUE"]);
     refused(&["check", "sim", "--set", "sim.people"], 2, &["no =", "NODE.KEY=VALUE"]);
 }
 
 #[test]
 fn a_missing_graph_or_robot_names_the_built_in_ones() {
-    refused(&["check", "nowhere.toml"], 2, &["graph nowhere.toml", "give a path, or one of: sim, robot, play"]);
+    refused(
+        &["check", "nowhere.toml"],
+        2,
+        &["graph nowhere.toml", "give a path, or one of: sim, robot, play"],
+    );
     refused(&["check", "sim", "--set", "robot=nobody"], 2, &["robot nobody", "loomo, jackal"]);
 }
 
 #[test]
 fn a_robot_value_without_a_source_is_refused() {
     let folder = Folder::new("robot-source");
-    let robot = include_str!("../launch/robots/loomo.toml").replace("source = \"datasheet: ZR300\" }", "source = \"hearsay\" }");
+    let robot = include_str!("../launch/robots/loomo.toml")
+        .replace("source = \"datasheet: ZR300\" }", "source = \"hearsay\" }");
     let path = folder.write("robot.toml", &robot);
-    refused(&["check", "sim", "--set", &format!("robot={path}")], 2, &["source is \"hearsay\"", "measured, datasheet"]);
+    refused(
+        &["check", "sim", "--set", &format!("robot={path}")],
+        2,
+        &["source is \"hearsay\"", "measured, datasheet"],
+    );
 }
 
 #[test]
 fn a_lead_that_is_none_is_refused() {
-    refused(&["--lead", "nobody", "--for", "1s"], 2, &["unknown variant `nobody`", "`policy`, `expert`, `solved`"]);
+    refused(
+        &["--lead", "nobody", "--for", "1s"],
+        2,
+        &["unknown variant `nobody`", "`policy`, `expert`, `solved`"],
+    );
 }
 
 #[test]

@@ -11,8 +11,14 @@ use std::time::Duration;
 const NODES: &[&str] = &["sim", "mapper", "goal", "policy", "expert", "arbiter", "recorder"];
 /// Supervision for tests on a loaded machine: restarts without end or pause, and patience with slow starts.
 const PATIENT: &[&str] = &[
-    "--set", "supervision.restarts_most=1000000", "--set", "supervision.delay_most_ms=1",
-    "--set", "supervision.hang_ms=5000", "--set", "supervision.start_ms=60000",
+    "--set",
+    "supervision.restarts_most=1000000",
+    "--set",
+    "supervision.delay_most_ms=1",
+    "--set",
+    "supervision.hang_ms=5000",
+    "--set",
+    "supervision.start_ms=60000",
 ];
 
 /// A small image: these tests are about processes, and share the machine.
@@ -66,7 +72,11 @@ fn survives_kills(command: std::process::Command, json: &Path, seed: u64) {
     running.signal(libc::SIGTERM);
     let outcome = running.finish();
     back_ms.sort_unstable();
-    eprintln!("process back after p50 {} ms, max {} ms", back_ms[back_ms.len() / 2], back_ms[back_ms.len() - 1]);
+    eprintln!(
+        "process back after p50 {} ms, max {} ms",
+        back_ms[back_ms.len() / 2],
+        back_ms[back_ms.len() - 1]
+    );
     let summary: Value = serde_json::from_str(&std::fs::read_to_string(json).unwrap_or_default())
         .unwrap_or_else(|error| panic!("{error}: {}{}", outcome.out, outcome.err));
     let restarts: u64 = NODES.iter().map(|node| summary["nodes"][*node]["restarts"].as_u64().unwrap()).sum();
@@ -100,7 +110,10 @@ fn killed_nodes_come_back_as_an_ordinary_user() {
     let json = folder.join("summary.json");
     let recordings = folder.join("recordings").display().to_string();
     let mut command = std::process::Command::new(&binary);
-    command.args(["run", "sim", "--json", &json.display().to_string(), "--record", &recordings]).args(PATIENT).args(SMALL);
+    command
+        .args(["run", "sim", "--json", &json.display().to_string(), "--record", &recordings])
+        .args(PATIENT)
+        .args(SMALL);
     command.current_dir(&folder.0).stdin(std::process::Stdio::null()).uid(NOBODY).gid(NOBODY);
     command.env_remove("XDG_RUNTIME_DIR");
     survives_kills(command, &json, 12);
@@ -122,21 +135,32 @@ impl Drive {
         let alone = Alone::wait();
         let folder = Folder::new(name);
         let recordings = folder.join("recordings").display().to_string();
-        let fixed = ["run", "sim", "--lead", "expert", "--record", &recordings, "--set", "supervision.start_ms=60000"];
+        let fixed = [
+            "run",
+            "sim",
+            "--lead",
+            "expert",
+            "--record",
+            &recordings,
+            "--set",
+            "supervision.start_ms=60000",
+        ];
         let fixed = [&fixed, SMALL].concat();
         let mut running = Running::start(sidestep(&[&fixed, settings].concat()));
         let own = |running: &Running| {
             let text = std::fs::read(format!("/proc/{}/environ", running.node("arbiter")?)).ok()?;
             let text = String::from_utf8_lossy(&text).into_owned();
             let value = |name: &str| {
-                text.split('\0').find_map(|line| line.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
+                text.split('\0')
+                    .find_map(|line| line.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
             };
             Some(DomainName { prefix: value(environment::DOMAIN)?, root: value(environment::ROOT)?.into() })
         };
         let domain = running.wait_for("its domain", own);
         let link = running.wait_for("a link", |_| Link::attach(&domain, "test", 0, 0).ok());
         let commands = link.inbox(COMMAND, Keep::All).unwrap();
-        let mut drive = Self { running, link, commands, step: Step::new(), domain, _folder: folder, _alone: alone };
+        let mut drive =
+            Self { running, link, commands, step: Step::new(), domain, _folder: folder, _alone: alone };
         drive.until("driving", |command| command.twist.v_m_s > 0.3);
         drive
     }

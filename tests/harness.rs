@@ -109,7 +109,8 @@ pub(crate) fn run_with_summary(name: &str, arguments: &[&str]) -> (Outcome, Valu
     let folder = Folder::new(name);
     let json = folder.join("summary.json").display().to_string();
     let outcome = run(&[arguments, &["--json", &json]].concat());
-    let text = std::fs::read_to_string(&json).unwrap_or_else(|_| panic!("no summary: {}{}", outcome.out, outcome.err));
+    let text = std::fs::read_to_string(&json)
+        .unwrap_or_else(|_| panic!("no summary: {}{}", outcome.out, outcome.err));
     (outcome, serde_json::from_str(&text).unwrap())
 }
 
@@ -141,7 +142,8 @@ impl Running {
     /// Process number of a node, or of any child whose name it begins.
     pub(crate) fn node(&self, name: &str) -> Option<u32> {
         let launcher = self.launcher();
-        let children = std::fs::read_to_string(format!("/proc/{launcher}/task/{launcher}/children")).unwrap_or_default();
+        let children =
+            std::fs::read_to_string(format!("/proc/{launcher}/task/{launcher}/children")).unwrap_or_default();
         let wanted = format!("sidestep-{name}");
         children.split_whitespace().filter_map(|id| id.parse().ok()).find(|id: &u32| {
             let line = std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default();

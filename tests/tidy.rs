@@ -21,7 +21,8 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn with_extension(extension: &str) -> Vec<(String, String)> {
-    let matching = files(Path::new(ROOT)).into_iter().filter(|path| path.extension().is_some_and(|e| e == extension));
+    let matching =
+        files(Path::new(ROOT)).into_iter().filter(|path| path.extension().is_some_and(|e| e == extension));
     matching.map(|path| (relative(&path), std::fs::read_to_string(&path).unwrap())).collect()
 }
 
@@ -50,7 +51,9 @@ fn each_outside_library_has_its_rooms() {
     let mut places = Vec::new();
     for (path, text) in with_extension("rs") {
         for (library, rooms) in rules {
-            let uses = |line: &str| line.contains(&format!("use {library}")) || line.contains(&format!("{library}::"));
+            let uses = |line: &str| {
+                line.contains(&format!("use {library}")) || line.contains(&format!("{library}::"))
+            };
             let allowed = rooms.iter().any(|room| path.starts_with(room)) || path == "tests/tidy.rs";
             let found = code_lines(&text).filter(|(_, line)| !allowed && uses(line));
             places.extend(found.map(|(number, line)| format!("{path}:{}: {}", number + 1, line.trim())));
@@ -108,7 +111,8 @@ fn one_file_reads_clocks_and_sleeps() {
 #[test]
 fn every_file_is_named_after_its_subject() {
     // I5: a room called "common" collects what nobody wants to place.
-    let banned = ["common", "util", "utils", "helper", "helpers", "core", "misc", "types", "types2", "new", "old"];
+    let banned =
+        ["common", "util", "utils", "helper", "helpers", "core", "misc", "types", "types2", "new", "old"];
     let named = files(Path::new(ROOT)).into_iter().filter(|path| {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         banned.contains(&stem.as_str())
@@ -124,13 +128,19 @@ fn every_number_of_a_message_names_its_unit() {
         let lines: Vec<_> = text.lines().collect();
         for (number, line) in lines.iter().enumerate() {
             let line = line.trim();
-            let field = line.starts_with("pub ") && line.ends_with(',') && !line.contains("fn ") && !line.contains("const ");
-            let number_type = [": f32", ": f64", ": [f32", ": [f64", ": [[f32"].iter().any(|text| line.contains(text));
+            let field = line.starts_with("pub ")
+                && line.ends_with(',')
+                && !line.contains("fn ")
+                && !line.contains("const ");
+            let number_type =
+                [": f32", ": f64", ": [f32", ": [f64", ": [[f32"].iter().any(|text| line.contains(text));
             if !field || !number_type {
                 continue;
             }
             let mut above = number;
-            while above > 0 && (lines[above - 1].trim().starts_with("///") || lines[above - 1].trim().starts_with("#[")) {
+            while above > 0
+                && (lines[above - 1].trim().starts_with("///") || lines[above - 1].trim().starts_with("#["))
+            {
                 above -= 1;
             }
             if !lines[above..number].iter().any(|comment| comment.trim().starts_with("/// [")) {
@@ -149,7 +159,10 @@ fn files_fit_a_sitting() {
         _ => 500,
     };
     let long = with_extension("rs").into_iter().filter(|(path, text)| text.lines().count() > limit(path));
-    report("file too long", long.map(|(path, text)| format!("{path}: {} lines", text.lines().count())).collect());
+    report(
+        "file too long",
+        long.map(|(path, text)| format!("{path}: {} lines", text.lines().count())).collect(),
+    );
 }
 
 #[test]
@@ -192,12 +205,15 @@ fn nothing_is_left_open_or_unreachable() {
     let mut places = Vec::new();
     for (path, text) in &sources {
         if path != "tests/tidy.rs" {
-            let open = text.lines().enumerate().filter(|(_, line)| marks.iter().any(|mark| line.contains(mark)));
+            let open =
+                text.lines().enumerate().filter(|(_, line)| marks.iter().any(|mark| line.contains(mark)));
             places.extend(open.map(|(number, _)| format!("{path}:{}: left open", number + 1)));
         }
         let stem = Path::new(path).file_stem().unwrap().to_string_lossy().into_owned();
         let folder = Path::new(path).parent().unwrap().to_string_lossy().into_owned();
-        let root = ["lib", "main"].contains(&stem.as_str()) || folder.ends_with("benches") || folder.ends_with("examples");
+        let root = ["lib", "main"].contains(&stem.as_str())
+            || folder.ends_with("benches")
+            || folder.ends_with("examples");
         let own_binary = folder.ends_with("/tests");
         let declared = |text: &str| {
             text.contains(&format!("mod {stem};")) || text.contains(&format!("#[path = \"{stem}.rs\"]"))

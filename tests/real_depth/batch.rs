@@ -89,7 +89,8 @@ impl Batch {
             let (u, v) = (place % frame.width as usize, place / frame.width as usize);
             let x = (u as f64 - f64::from(frame.cx_px)) / f64::from(frame.fx_px) * z;
             let y = (v as f64 - f64::from(frame.cy_px)) / f64::from(frame.fy_px) * z;
-            let body = [0, 1, 2].map(|i| rotation[i][0] * x + rotation[i][1] * y + rotation[i][2] * z + eye[i]);
+            let body =
+                [0, 1, 2].map(|i| rotation[i][0] * x + rotation[i][1] * y + rotation[i][2] * z + eye[i]);
             let (odom_x, odom_y) = base.transform(body[0], body[1]);
             let range_m = (body[0] * body[0] + body[1] * body[1]).sqrt();
             // SPEC section 4: the height classes of the mapper.

@@ -15,7 +15,7 @@ fn write(name: &str, width: usize, height: usize, rgb: &[u8]) {
     encoder.write_header().unwrap().write_image_data(rgb).unwrap();
 }
 
-/// A safety map: white free, black occupied, grey unknown; beside it the batch in the same frame, if there is one.
+/// A safety map: white free, black occupied, blue unknown; beside it the batch in the same frame, if there is one.
 pub(crate) fn safety(name: &str, map: &SafetyMap, batch: Option<&Batch>) {
     let side = SAFETY_SIDE * SCALE;
     let mut rgb = vec![90; 2 * side * side * 3];
@@ -27,7 +27,8 @@ pub(crate) fn safety(name: &str, map: &SafetyMap, batch: Option<&Batch>) {
     };
     for index in 0..SAFETY_SIDE * SAFETY_SIDE {
         let shade = 255 - map.occupancy[index];
-        let colour = if map.age[index] == AGE_NEVER { [90, 90, 140] } else { [shade; 3] };
+        let unknown = map.age[index] == AGE_NEVER && map.occupancy[index] <= super::OCCUPIED;
+        let colour = if unknown { [90, 90, 140] } else { [shade; 3] };
         paint(0, index / SAFETY_SIDE, index % SAFETY_SIDE, colour);
     }
     for (seen, x_m, y_m) in batch.iter().flat_map(|batch| batch.cells()) {
