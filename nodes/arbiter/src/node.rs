@@ -3,8 +3,8 @@
 use crate::{Arbiter, Config, Lead, Resume};
 use sidestep_bus::{Boot, Keep, Link, NodeError};
 use sidestep_msgs::{
-    COMMAND, ESTOP, EXPERT_COMMAND, Header, LOCAL_GOAL, NEAR_FIELD, ODOMETRY, POLICY_COMMAND, RANGES, SAFETY_MAP,
-    STATE_ARBITER, Stage, TELEOP, Winner,
+    COMMAND, ESTOP, EXPERT_COMMAND, Header, LOCAL_GOAL, NEAR_FIELD, ODOMETRY, POLICY_COMMAND, RANGES,
+    SAFETY_MAP, STATE_ARBITER, Stage, TELEOP, Winner,
 };
 use std::path::{Path, PathBuf};
 use std::time::Duration;
