@@ -3,6 +3,7 @@
 mod child;
 mod failure;
 mod interface;
+mod learning;
 mod look;
 mod manifest;
 mod monitor;
@@ -98,6 +99,31 @@ enum Commands {
         #[arg(long)]
         json: Option<PathBuf>,
     },
+    /// Turns a folder of depth images into a recording.
+    Import(recordings::ImportArguments),
+    /// Latencies per stage of a recording.
+    Latency {
+        /// An .mcap or .mcap.active file.
+        file: PathBuf,
+        /// Writes the figures as JSON.
+        #[arg(long)]
+        json: Option<PathBuf>,
+        /// Writes a trace that Perfetto opens.
+        #[arg(long)]
+        trace: Option<PathBuf>,
+        /// Missed latency budgets count as failure (exit code 1).
+        #[arg(long)]
+        gate_latency: bool,
+    },
+    /// Makes or describes a data set.
+    Dataset {
+        #[command(subcommand)]
+        command: learning::DatasetCommands,
+    },
+    /// Trains a policy model.
+    Train(learning::TrainArguments),
+    /// Compares a policy model with the expert's labels.
+    Evaluate(learning::EvaluateArguments),
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
     Interface {
@@ -250,6 +276,13 @@ fn execute(command: Commands) -> Result<(), Failure> {
             run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
         }
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
+        Commands::Import(arguments) => recordings::import(arguments),
+        Commands::Latency { file, json, trace, gate_latency } => {
+            recordings::latency(&file, json.as_deref(), trace.as_deref(), gate_latency)
+        }
+        Commands::Dataset { command } => learning::dataset(command),
+        Commands::Train(arguments) => learning::train(arguments),
+        Commands::Evaluate(arguments) => learning::evaluate(arguments),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());

@@ -173,6 +173,16 @@ fn read(kind: &str, built_in: &[(&str, &str)], origin: &str) -> Result<String, F
     })
 }
 
+/// A robot by its built-in name or path, with the text of its file.
+///
+/// # Errors
+/// Exit code 2 with line and column, or with key, found and needed.
+pub(crate) fn robot_named(origin: &str) -> Result<(Robot, String), Failure> {
+    let text = read("robot", ROBOTS, origin)?;
+    let robot = Robot::from_toml(origin, &text).map_err(|error| Failure::usage(error.to_string()))?;
+    Ok((robot, text))
+}
+
 /// Applies `NODE.KEY=VALUE`, or `KEY=VALUE` for a key of the whole graph.
 fn apply(table: &mut toml::Table, setting: &str) -> Result<(), Failure> {
     let wrong =

@@ -66,6 +66,10 @@ impl GraphClock {
         self.newest.map_or(0, |clock| clock.epoch)
     }
 
+    pub(crate) fn lockstep(&self) -> bool {
+        self.newest.is_some_and(|clock| clock.mode == ClockMode::Lockstep as u32)
+    }
+
     pub(crate) fn open_loop(&self) -> bool {
         self.newest.is_some_and(|clock| clock.open_loop != 0)
     }

@@ -31,6 +31,8 @@ const PROCESSES_MAX: usize = 32;
 const LITTER_AGE_NS: u64 = 100_000_000;
 const SHARED_MEMORY: &str = "/dev/shm";
 
+/// The writing side of a topic: messages, and the wake-up of its readers.
+pub(crate) type Writer<M> = (Publisher<ipc::Service, M, Header>, Notifier<ipc::Service>);
 type PubSub<M> = publish_subscribe::PortFactory<ipc::Service, M, Header>;
 
 /// Where a run lives.
@@ -182,7 +184,7 @@ impl Services {
     pub(crate) fn publisher<M: Message>(
         &self,
         topic: Topic<M>,
-    ) -> Result<(Publisher<ipc::Service, M, Header>, Notifier<ipc::Service>), NodeError> {
+    ) -> Result<Writer<M>, NodeError> {
         let name = topic.row().name;
         let publisher = self
             .open(topic)?

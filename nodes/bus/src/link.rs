@@ -317,6 +317,7 @@ impl Link {
         step.epoch = self.clock.epoch();
         step.epoch_raised |= raised;
         step.open_loop = self.clock.open_loop();
+        step.lockstep = self.clock.lockstep();
         Ok(())
     }
 

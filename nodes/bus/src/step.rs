@@ -13,6 +13,7 @@ pub struct Step {
     pub(crate) epoch: u32,
     pub(crate) epoch_raised: bool,
     pub(crate) open_loop: bool,
+    pub(crate) lockstep: bool,
     pub(crate) tick: bool,
     pub(crate) wake_at_ns: Option<u64>,
     pub(crate) published: bool,
@@ -41,6 +42,7 @@ impl Step {
             epoch: 0,
             epoch_raised: false,
             open_loop: false,
+            lockstep: false,
             tick: false,
             wake_at_ns: None,
             published: false,
@@ -84,6 +86,12 @@ impl Step {
     #[must_use]
     pub fn is_open_loop(&self) -> bool {
         self.open_loop
+    }
+
+    /// Whether graph time moves only when the driver says so.
+    #[must_use]
+    pub fn is_lockstep(&self) -> bool {
+        self.lockstep
     }
 
     /// Whether the node owes its state to the recording: after its first step, then every 10 s; asking settles the debt.
