@@ -21,7 +21,9 @@ fn question() -> ([u8; LOCAL_CELLS], usize, Twist) {
 
 #[divan::bench(sample_count = 2000)]
 fn policy(bencher: divan::Bencher<'_, '_>) {
-    let Some(mut policy) = robot().and_then(|robot| Policy::load(embedded(), "embedded", &robot).ok()) else { return };
+    let Some(mut policy) = robot().and_then(|robot| Policy::load(embedded(), "embedded", &robot).ok()) else {
+        return;
+    };
     let (map, goal, twist) = question();
     bencher.bench_local(|| policy.infer(divan::black_box(&map), goal, twist));
 }

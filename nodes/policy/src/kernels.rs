@@ -163,7 +163,7 @@ struct PackedLayer {
 
 impl PackedLayer {
     fn new(layer: &DenseLayer) -> Self {
-        let block = if layer.outputs % BLOCK == 0 { BLOCK } else { SMALL_BLOCK };
+        let block = if layer.outputs.is_multiple_of(BLOCK) { BLOCK } else { SMALL_BLOCK };
         let blocks = layer.outputs.div_ceil(block);
         let mut weight = vec![0.0; blocks * layer.inputs * block];
         for (index, value) in layer.weight.iter().enumerate() {

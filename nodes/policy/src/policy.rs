@@ -323,7 +323,7 @@ fn prepare(model: &ModelProto, name: &str) -> Result<TypedSimpleState, ModelErro
     let plan = engine
         .model_for_proto_model(model)
         .and_then(|graph| graph.into_optimized())
-        .and_then(|graph| TypedSimplePlan::new(graph))
+        .and_then(TypedSimplePlan::new)
         .map_err(explain)?;
     plan.spawn().map_err(explain)
 }

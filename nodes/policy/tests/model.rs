@@ -1,4 +1,5 @@
 //! The promises of the loader, on a network with made-up numbers.
+#![allow(clippy::unwrap_used, clippy::float_cmp, reason = "a test fails by panicking")]
 
 use sidestep_msgs::{LOCAL_CELLS, LocalGoal, LocalMap, Proposal, Robot, Status, Twist};
 use sidestep_policy::*;
@@ -109,7 +110,10 @@ fn a_model_for_another_robot_is_refused_with_both_hashes() {
     let mut robot = robot();
     robot.limits.turn_rad_s = 2.0;
     let text = Policy::load(&model(3), "test.onnx", &robot).unwrap_err().to_string();
-    assert!(text.contains("motion_hash") && text.contains(&format!("{:016x}", robot.motion_hash())), "{text}");
+    assert!(
+        text.contains("motion_hash") && text.contains(&format!("{:016x}", robot.motion_hash())),
+        "{text}"
+    );
 }
 
 #[test]

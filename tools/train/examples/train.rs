@@ -6,9 +6,7 @@
 #![allow(clippy::print_stdout, reason = "a command line")]
 
 use sidestep_msgs::Robot;
-use sidestep_train::{
-    DatasetOptions, EvaluateOptions, TrainOptions, dataset, dataset_info, evaluate, train,
-};
+use sidestep_train::{DatasetOptions, EvaluateOptions, TrainOptions, dataset, dataset_info, evaluate, train};
 use std::error::Error;
 use std::path::PathBuf;
 

@@ -66,7 +66,8 @@ type Canvas = [f32; SIDE * SIDE];
 
 /// [m] centre of a canvas cell in `base`.
 fn centre(row: usize, col: usize) -> (f32, f32) {
-    let cell = |from: f32, index: usize| from + (LOCAL_SIDE as f32 - 1.0 + BORDER as f32 - index as f32 + 0.5) * 0.1;
+    let cell =
+        |from: f32, index: usize| from + (LOCAL_SIDE as f32 - 1.0 + BORDER as f32 - index as f32 + 0.5) * 0.1;
     (cell(LOCAL_GRID.rear_m, row), cell(LOCAL_GRID.right_m, col))
 }
 
@@ -167,7 +168,11 @@ fn cluster(random: &mut Random, shapes: &mut Vec<Shape>) {
             let (length, width) = (random.between(0.25, 0.7), random.between(0.2, 0.4));
             for (along, across) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
                 let (along, across) = (along * length, across * width);
-                shapes.push(Shape::disc(x + cos * along - sin * across, y + sin * along + cos * across, 0.06));
+                shapes.push(Shape::disc(
+                    x + cos * along - sin * across,
+                    y + sin * along + cos * across,
+                    0.06,
+                ));
             }
         }
     }
@@ -316,7 +321,13 @@ fn polar(radius_m: f32, bearing_rad: f32) -> (f32, f32) {
 /// The cell of a point, or of its projection towards the robot onto the border of the map (paper eq. 3).
 fn project(x_m: f32, y_m: f32) -> usize {
     let part = |value: f32, least: f32, most: f32| {
-        if value > most { most / value } else if value < least { least / value } else { 1.0 }
+        if value > most {
+            most / value
+        } else if value < least {
+            least / value
+        } else {
+            1.0
+        }
     };
     let grid = LOCAL_GRID;
     let shrink = part(x_m, grid.rear_m, grid.front_m()).min(part(y_m, grid.right_m, grid.left_m()));
@@ -329,8 +340,16 @@ fn twist(random: &mut Random, limits: &Limits) -> Twist {
     if random.chance(0.2) {
         return Twist::STOP;
     }
-    let v = if random.chance(0.04) { random.between(-limits.reverse_m_s, 0.0) } else { random.between(0.0, limits.forward_m_s) };
-    let w = if random.chance(0.4) { 0.35 * random.normal() } else { random.between(-limits.turn_rad_s, limits.turn_rad_s) };
+    let v = if random.chance(0.04) {
+        random.between(-limits.reverse_m_s, 0.0)
+    } else {
+        random.between(0.0, limits.forward_m_s)
+    };
+    let w = if random.chance(0.4) {
+        0.35 * random.normal()
+    } else {
+        random.between(-limits.turn_rad_s, limits.turn_rad_s)
+    };
     Twist::new(v, w.clamp(-limits.turn_rad_s, limits.turn_rad_s))
 }
 
@@ -359,7 +378,7 @@ mod tests {
         for bearing in 0..64 {
             let (x, y) = polar(4.0, bearing as f32 * 0.1);
             let (cx, cy) = LOCAL_GRID.centre(project(x, y) / LOCAL_SIDE, project(x, y) % LOCAL_SIDE);
-            let border = cx < -0.3 || cx > 2.3 || cy.abs() > 1.3;
+            let border = !(-0.3..=2.3).contains(&cx) || cy.abs() > 1.3;
             assert!(border && (cx * y - cy * x).abs() / 4.0 < 0.08, "{x} {y}: {cx} {cy}");
         }
     }
@@ -374,6 +393,9 @@ mod tests {
             unknown += usize::from(scene.kind & PARTLY_UNKNOWN != 0);
             assert!(scene.goal_cell < LOCAL_CELLS && scene.twist.is_finite());
         }
-        assert!(kinds.iter().all(|count| *count > 40) && (150..250).contains(&unknown), "{kinds:?} {unknown}");
+        assert!(
+            kinds.iter().all(|count| *count > 40) && (150..250).contains(&unknown),
+            "{kinds:?} {unknown}"
+        );
     }
 }

@@ -65,7 +65,11 @@ impl Checkpoint {
         let needed = head + 16 + 12 * count;
         if bytes.len() != needed || bytes[..head] != *bytemuck::bytes_of(&identity) {
             let found = format!("{} bytes of another run or other options", bytes.len());
-            return Err(TrainError::Checkpoint { path: name, found, needed: format!("{needed} bytes of this run") });
+            return Err(TrainError::Checkpoint {
+                path: name,
+                found,
+                needed: format!("{needed} bytes of this run"),
+            });
         }
         let number = |at: usize| bytes[at..at + 8].try_into().map(u64::from_le_bytes).unwrap_or_default();
         let part = |index: usize| -> Vec<f32> {

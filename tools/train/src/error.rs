@@ -42,7 +42,9 @@ pub enum TrainError {
         needed: &'static str,
     },
     /// The loss is not finite.
-    #[error("training diverged after {samples} samples; lower the learning rate or resume from an earlier checkpoint")]
+    #[error(
+        "training diverged after {samples} samples; lower the learning rate or resume from an earlier checkpoint"
+    )]
     Diverged {
         /// Samples seen.
         samples: u64,

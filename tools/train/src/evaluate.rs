@@ -102,27 +102,38 @@ pub fn evaluate(options: &EvaluateOptions) -> Result<Evaluation, TrainError> {
         let record = data.read(index)?;
         let answer = ask(&mut policy, &record)?;
         let wish = Twist::new(answer.command[0], answer.command[1]);
-        let [plain, solved] = [record.label_734, record.label_solved].map(|label| Twist::new(label[0], label[1]));
+        let [plain, solved] =
+            [record.label_734, record.label_solved].map(|label| Twist::new(label[0], label[1]));
         let from = record.twist();
         for (window, running) in windows.iter().zip(&mut running) {
             let within = |twist| within_window(twist, from, &options.robot.limits, *window);
             let (policy, plain, solved) = (within(wish), within(plain), within(solved));
-            for (running, (a, b)) in
-                running.iter_mut().zip([(policy, solved), (policy, plain), (plain, solved), (within(from), solved)])
-            {
+            for (running, (a, b)) in running.iter_mut().zip([
+                (policy, solved),
+                (policy, plain),
+                (plain, solved),
+                (within(from), solved),
+            ]) {
                 running.add(a, b);
             }
             if *window > 0.2 {
-                let large = (policy.v_m_s - solved.v_m_s).abs() > 0.09 || (policy.w_rad_s - solved.w_rad_s).abs() > 0.3;
+                let large = (policy.v_m_s - solved.v_m_s).abs() > 0.09
+                    || (policy.w_rad_s - solved.w_rad_s).abs() > 0.3;
                 doubts.push((answer.doubt[0] / 0.3 + answer.doubt[1] / 0.9, large));
             }
         }
     }
     let table = windows.iter().zip(&running).map(|(window, running)| {
-        let [policy_solved, policy_734, candidates_solved, keep_solved] = running.each_ref().map(Running::errors);
+        let [policy_solved, policy_734, candidates_solved, keep_solved] =
+            running.each_ref().map(Running::errors);
         Window { window_s: *window, policy_solved, policy_734, candidates_solved, keep_solved }
     });
-    Ok(Evaluation { samples, seed: data.header().seed, windows: table.collect(), doubt_catches: caught(doubts) })
+    Ok(Evaluation {
+        samples,
+        seed: data.header().seed,
+        windows: table.collect(),
+        doubt_catches: caught(doubts),
+    })
 }
 
 /// Share of the large errors among the tenth with most doubt.

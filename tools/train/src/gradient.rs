@@ -5,8 +5,8 @@ use crate::planes::{Kernels, PlaneScratch, Trace, backward, forward, place};
 use crate::record::Record;
 use sidestep_msgs::{LOCAL_SIDE, Limits, Twist, clamp_to_window};
 use sidestep_policy::{
-    CROP_CELLS, CROP_COL, CROP_COLS, CROP_ROW, FEATURES, HEAD_OUTPUTS, LOG_DOUBT_RANGE, Lanes, ROBOT_COL, ROBOT_ROW,
-    goal_features,
+    CROP_CELLS, CROP_COL, CROP_COLS, CROP_ROW, FEATURES, HEAD_OUTPUTS, LOG_DOUBT_RANGE, Lanes, ROBOT_COL,
+    ROBOT_ROW, goal_features,
 };
 
 /// Samples whose planes are kept at once: what fits the second-level cache.
@@ -75,7 +75,13 @@ impl Worker {
     }
 
     /// Adds the gradient of the summed loss of `records` to `gradient`.
-    pub(crate) fn group(&mut self, parameters: &[f32], goal: &Goal, records: &[Record], gradient: &mut [f32]) -> Sums {
+    pub(crate) fn group(
+        &mut self,
+        parameters: &[f32],
+        goal: &Goal,
+        records: &[Record],
+        gradient: &mut [f32],
+    ) -> Sums {
         let kernels = self.kernels(parameters);
         let mut sums = Sums::default();
         for chunk in records.chunks(CHUNK) {
@@ -281,7 +287,8 @@ mod tests {
     use sidestep_msgs::{LOCAL_CELLS, Robot};
 
     fn goal() -> Goal {
-        let robot = Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml")).unwrap();
+        let robot =
+            Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml")).unwrap();
         Goal { limits: robot.limits, doubt_weight: 0.0, plain_labels: false }
     }
 
@@ -313,20 +320,35 @@ mod tests {
         let mut parameters = SHAPE.initial(5);
         let mut random = Random::new(11, 0);
         parameters.iter_mut().for_each(|value| *value += 0.03 * random.normal());
-        let records = records(11);
+        let records = records(3);
         let (_, gradient) = evaluate(&parameters, &records);
-        let blocks = [SHAPE.reward(), SHAPE.reward_bias(), SHAPE.value(), SHAPE.layer(0).0, SHAPE.layer(1).0, SHAPE.layer(2).0, SHAPE.layer(0).1, SHAPE.layer(2).1];
+        let blocks = [
+            SHAPE.reward(),
+            SHAPE.reward_bias(),
+            SHAPE.value(),
+            SHAPE.layer(0).0,
+            SHAPE.layer(1).0,
+            SHAPE.layer(2).0,
+            SHAPE.layer(0).1,
+            SHAPE.layer(2).1,
+        ];
         for block in blocks {
-            let direction: Vec<f32> = block.clone().map(|index| gradient[index].signum() * random.unit()).collect();
+            let direction: Vec<f32> =
+                block.clone().map(|index| gradient[index].signum() * random.unit()).collect();
             let along = |step: f32| {
                 let mut moved = parameters.clone();
                 moved[block.clone()].iter_mut().zip(&direction).for_each(|(value, d)| *value += step * d);
                 evaluate(&moved, &records).0
             };
-            let step = 2e-4;
+            // Small enough that few of the kinks of max and ReLU lie within it.
+            let step = 6e-5;
             let measured = (along(step) - along(-step)) / f64::from(2.0 * step);
-            let claimed: f64 = direction.iter().zip(&gradient[block.clone()]).map(|(d, g)| f64::from(d * g)).sum();
-            assert!((measured - claimed).abs() < 0.02 * claimed.abs() + 2e-3, "{block:?}: {measured} {claimed}");
+            let claimed: f64 =
+                direction.iter().zip(&gradient[block.clone()]).map(|(d, g)| f64::from(d * g)).sum();
+            assert!(
+                (measured - claimed).abs() < 0.01 * claimed.abs() + 2e-4,
+                "{block:?}: {measured} {claimed}"
+            );
         }
     }
 
@@ -355,12 +377,5 @@ mod tests {
             slope[2]
         };
         assert!(pull(-1.0) > 0.5 && pull(-4.0) < -0.5 && pull(libm::logf(0.1)).abs() < 1e-4);
-    }
-
-    #[test]
-    fn a_mirrored_batch_has_the_mirrored_answer_when_the_network_is_symmetric() {
-        let record = records(1)[0];
-        assert_eq!(record.mirrored().mirrored(), record);
-        assert_ne!(record.mirrored().planning_cost, record.planning_cost);
     }
 }

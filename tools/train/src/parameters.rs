@@ -96,14 +96,21 @@ impl Shape {
             .map(|index| {
                 let (inputs, outputs) = self.dense()[index];
                 let (weight, bias) = self.layer(index);
-                let mut layer =
-                    DenseLayer { inputs, outputs, weight: parameters[weight].to_vec(), bias: parameters[bias].to_vec() };
+                let mut layer = DenseLayer {
+                    inputs,
+                    outputs,
+                    weight: parameters[weight].to_vec(),
+                    bias: parameters[bias].to_vec(),
+                };
                 if index == 0 {
                     layer.weight[..CROP_CELLS * outputs].iter_mut().for_each(|weight| *weight *= VALUE_SCALE);
                 }
                 if index == 2 {
-                    let columns = layer.weight.chunks_exact_mut(outputs).chain(std::iter::once(&mut layer.bias[..]));
-                    columns.for_each(|row| row.iter_mut().zip(scale).for_each(|(weight, scale)| *weight *= scale));
+                    let columns =
+                        layer.weight.chunks_exact_mut(outputs).chain(std::iter::once(&mut layer.bias[..]));
+                    columns.for_each(|row| {
+                        row.iter_mut().zip(scale).for_each(|(weight, scale)| *weight *= scale)
+                    });
                 }
                 layer
             })

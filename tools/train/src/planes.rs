@@ -129,10 +129,19 @@ fn forward_body<const FUSED: bool>(kernels: &Kernels, trace: &mut Trace, scratch
     }
     let planes = trace.planes.chunks_exact_mut(PLANE);
     let mut from: Option<&[f32]> = None;
-    for (plane, winners) in planes.zip(std::iter::once(None).chain(trace.winners.chunks_exact_mut(WINNERS).map(Some))) {
+    for (plane, winners) in
+        planes.zip(std::iter::once(None).chain(trace.winners.chunks_exact_mut(WINNERS).map(Some)))
+    {
         if let (Some(from), Some(winners)) = (from, winners) {
             for row in 0..LOCAL_SIDE {
-                forward_row::<FUSED>(kernels, &scratch.reward, from, row, plane, &mut winners[row * WIDTH..][..WIDTH]);
+                forward_row::<FUSED>(
+                    kernels,
+                    &scratch.reward,
+                    from,
+                    row,
+                    plane,
+                    &mut winners[row * WIDTH..][..WIDTH],
+                );
             }
         }
         from = Some(plane);
@@ -181,7 +190,12 @@ fn forward_row<const FUSED: bool>(
 }
 
 #[inline(always)]
-fn backward_body<const FUSED: bool>(kernels: &Kernels, trace: &Trace, scratch: &mut PlaneScratch, out: &mut [f32]) {
+fn backward_body<const FUSED: bool>(
+    kernels: &Kernels,
+    trace: &Trace,
+    scratch: &mut PlaneScratch,
+    out: &mut [f32],
+) {
     let channels = kernels.value.len();
     scratch.reward_gradient.fill(0.0);
     scratch.sums.fill([0.0; WIDTH]);

@@ -132,7 +132,8 @@ impl Dataset {
         let name = path.display().to_string();
         let file = File::open(path).map_err(|source| TrainError::File { path: name.clone(), source })?;
         let mut bytes = [0; size_of::<Header>()];
-        file.read_exact_at(&mut bytes, 0).map_err(|source| TrainError::File { path: name.clone(), source })?;
+        file.read_exact_at(&mut bytes, 0)
+            .map_err(|source| TrainError::File { path: name.clone(), source })?;
         let header: Header = bytemuck::pod_read_unaligned(&bytes);
         let unfit = |found: String, needed: String| TrainError::Dataset { path: name.clone(), found, needed };
         if header.magic != MAGIC || header.version != VERSION {
@@ -148,7 +149,10 @@ impl Dataset {
         let length = file.metadata().map_err(|source| TrainError::File { path: name.clone(), source })?.len();
         let needed = header.count.saturating_mul(size_of::<Record>() as u64).saturating_add(RECORDS_AT);
         if length != needed || header.count == 0 {
-            return Err(unfit(format!("{length} bytes"), format!("{needed} bytes for {} records", header.count)));
+            return Err(unfit(
+                format!("{length} bytes"),
+                format!("{needed} bytes for {} records", header.count),
+            ));
         }
         Ok(Self { file, header, path: name })
     }
@@ -206,7 +210,15 @@ impl DatasetWriter {
             .map_err(|source| TrainError::File { path: name.clone(), source })?;
         let record_bytes = size_of::<Record>() as u32;
         let content_hash = sidestep_policy::fingerprint(&[]);
-        let header = Header { magic: MAGIC, version: VERSION, record_bytes, seed, motion_hash, content_hash, ..Header::zeroed() };
+        let header = Header {
+            magic: MAGIC,
+            version: VERSION,
+            record_bytes,
+            seed,
+            motion_hash,
+            content_hash,
+            ..Header::zeroed()
+        };
         Ok(Self { out, header, path: name })
     }
 
@@ -214,7 +226,8 @@ impl DatasetWriter {
         let failed = |source| TrainError::File { path: self.path.clone(), source };
         for record in records {
             let own = sidestep_policy::fingerprint(bytemuck::bytes_of(record));
-            self.header.content_hash = (self.header.content_hash.rotate_left(5) ^ own).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            self.header.content_hash =
+                (self.header.content_hash.rotate_left(5) ^ own).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             self.header.by_source[usize::from(record.source.min(1))] += 1;
             self.header.count += 1;
         }

@@ -111,7 +111,7 @@ pub fn train(options: &TrainOptions, progress: &mut dyn FnMut(&str)) -> Result<T
         }
         recent.0.add(&sums);
         recent.1 += options.batch as f64;
-        if run.state.adam.steps % REPORT_STEPS == 0 || run.state.seen >= options.samples {
+        if run.state.adam.steps.is_multiple_of(REPORT_STEPS) || run.state.seen >= options.samples {
             progress(&line(options, &run, &recent));
             if let Some(path) = &options.checkpoint {
                 run.state.write(path)?;
@@ -145,7 +145,7 @@ fn line(options: &TrainOptions, run: &Run<'_>, (sums, count): &(Sums, f64)) -> S
 
 fn check(options: &TrainOptions, data: &Dataset) -> Result<(), TrainError> {
     let unfit = |option, found: String, needed| Err(TrainError::Option { option, found, needed });
-    if options.batch == 0 || options.batch % GROUPS != 0 || options.batch > 65_536 {
+    if options.batch == 0 || !options.batch.is_multiple_of(GROUPS) || options.batch > 65_536 {
         return unfit("batch", options.batch.to_string(), "a multiple of 8 up to 65536");
     }
     let shape = &options.shape;
@@ -155,8 +155,16 @@ fn check(options: &TrainOptions, data: &Dataset) -> Result<(), TrainError> {
     if shape.hidden.iter().any(|size| !(1..=4096).contains(size)) {
         return unfit("hidden", format!("{:?}", shape.hidden), "1 to 4096 each");
     }
-    if !(options.rate > 0.0 && options.rate < 1.0 && options.doubt_weight >= 0.0 && options.doubt_weight < 10.0) {
-        return unfit("rate", format!("{} and {}", options.rate, options.doubt_weight), "0 to 1, doubt weight 0 to 10");
+    if !(options.rate > 0.0
+        && options.rate < 1.0
+        && options.doubt_weight >= 0.0
+        && options.doubt_weight < 10.0)
+    {
+        return unfit(
+            "rate",
+            format!("{} and {}", options.rate, options.doubt_weight),
+            "0 to 1, doubt weight 0 to 10",
+        );
     }
     data.require(&options.robot)
 }
