@@ -176,6 +176,8 @@ fn a_walk_past_furniture_is_mapped_as_all_its_points_together_say() {
     assert!(score.occupied > 10_000 && score.free > 10_000, "{score:?}");
     assert!(score.recall() >= 0.95, "{score:?}");
     assert!(score.false_free() <= 0.005, "{score:?}");
+    // A map of walls only would pass all of the above.
+    assert!(score.known_free as f64 >= 0.8 * score.free as f64, "{score:?}");
 }
 
 /// The same on the excerpt that lies in the repository, so that any machine has seen real depth.

@@ -79,7 +79,7 @@ impl Iterator for Played {
 #[derive(Debug)]
 pub enum Next {
     /// A message.
-    Message(Entry),
+    Message(Box<Entry>),
     /// The recording begins here or begins again: graph time jumps to the stamp of the message that follows.
     Jump,
 }
@@ -148,7 +148,7 @@ fn read_pass(played: Played, send: &impl Fn(Result<Next, PlayerError>) -> bool) 
         if epoch.replace(entry.header.epoch) != Some(entry.header.epoch) && !send(Ok(Next::Jump)) {
             return None;
         }
-        if !send(Ok(Next::Message(entry))) {
+        if !send(Ok(Next::Message(Box::new(entry)))) {
             return None;
         }
     }

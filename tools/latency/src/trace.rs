@@ -47,7 +47,7 @@ impl Trace {
     /// # Errors
     /// What `out` says.
     pub fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
-        let first_ns = self.steps.iter().map(|step| start_ns(step)).min().unwrap_or(0);
+        let first_ns = self.steps.iter().map(start_ns).min().unwrap_or(0);
         write!(out, "{{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
         let mut separator = "\n";
         let mut event = |value: Value| {
