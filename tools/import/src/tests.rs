@@ -74,7 +74,7 @@ fn images_come_with_their_camera_and_odometry_runs_through_their_poses() {
     let mut frame: Box<DepthFrame> = bytemuck::allocation::zeroed_box();
     assert!(source.depth(7, &mut frame).unwrap());
     assert_eq!((frame.width, frame.height, frame.pixels[100], frame.pixels[64 * 48]), (64, 48, 107, 0));
-    assert_eq!(frame.camera.translation_m, [0.0, 0.0, 1.2]);
+    assert!((frame.camera.translation_m[2] - 1.2).abs() < 1e-6, "{:?}", frame.camera);
     // Level and looking ahead: what the robot file would say of a level camera.
     let level = sidestep_msgs::Isometry::camera(0.0, 0.0, 1.2, 0.0).rotation();
     assert_eq!(
@@ -87,7 +87,8 @@ fn images_come_with_their_camera_and_odometry_runs_through_their_poses() {
     let (exact, between) = (at(source.capture_ns(7)), at(source.capture_ns(7) + 50_000_000));
     assert!(exact.pose.distance_m(&source.base(7)) < 1e-12);
     assert!(
-        (between.pose.x_m - 0.75).abs() < 1e-9 && (between.pose.yaw_rad - 1.570_796).abs() < 1e-5,
+        (between.pose.x_m - 0.75).abs() < 1e-9
+            && (between.pose.yaw_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-5,
         "{between:?}"
     );
     assert!(odometry.windows(2).all(|pair| pair[1].stamp_ns - pair[0].stamp_ns == 10_000_000));
@@ -97,7 +98,7 @@ fn images_come_with_their_camera_and_odometry_runs_through_their_poses() {
     let mut way = Box::new(WayPath::default());
     source.path(&mut way);
     assert!(
-        way.count >= 6 && (way.points[1].x_m - 0.3).abs() < 1e-6 && way.points[1].y_m == 0.5,
+        way.count >= 6 && (way.points[1].x_m - 0.3).abs() < 1e-6 && (way.points[1].y_m - 0.5).abs() < 1e-6,
         "{:?}",
         way.points[1]
     );
