@@ -116,7 +116,8 @@ impl View {
     }
 
     /// Occupancy and age of the local map: each cell takes sixteen samples. Its occupancy is the largest that is known,
-    /// its age the youngest; it is known where most samples are, or where one is occupied.
+    /// its age the youngest; it is known where most samples are. An occupied grid cell counts where its centre lies, and
+    /// nowhere else: what stands there is never missed, and a gap shrinks by no more than it must.
     pub(crate) fn local(&self, occupancy: &mut [u8; LOCAL_CELLS], age: &mut [u8; LOCAL_CELLS]) {
         let part = LOCAL_GRID.cell_m / SAMPLES as f32;
         let offset = |k: usize| (k as f32 - 0.5 * (SAMPLES - 1) as f32) * part;
@@ -131,14 +132,33 @@ impl View {
                 let (x_m, y_m) = (x_m + offset(sample / SAMPLES), y_m + offset(sample % SAMPLES));
                 self.sample(&self.cells, x_m, y_m, LOCAL_GRID.cell_m, [0.0; 2], &mut pairs);
                 for (col, [occupied, seen]) in pairs.iter().enumerate() {
-                    occupancy[col] = occupancy[col].max(*occupied);
+                    let free = if *occupied < UNKNOWN { *occupied } else { 0 };
+                    occupancy[col] = occupancy[col].max(free);
                     age[col] = age[col].min(*seen);
                     known[col] += u8::from(*seen != AGE_NEVER);
                 }
             }
             for ((occupancy, age), known) in occupancy.iter_mut().zip(age).zip(known) {
-                let is_known = usize::from(known) > SAMPLES * SAMPLES / 2 || *occupancy >= UNKNOWN;
+                let is_known = usize::from(known) > SAMPLES * SAMPLES / 2;
                 (*occupancy, *age) = if is_known { (*occupancy, *age) } else { (UNKNOWN, AGE_NEVER) };
+            }
+        }
+        self.place_obstacles(occupancy, age);
+    }
+
+    /// Puts every occupied grid cell into the cell of the local map that holds its centre.
+    fn place_obstacles(&self, occupancy: &mut [u8; LOCAL_CELLS], age: &mut [u8; LOCAL_CELLS]) {
+        let [cos, sin] = self.heading.map(|part| part * CELL_M as f32);
+        for (y, row) in self.cells.chunks_exact(VIEW).enumerate() {
+            for (x, [occupied, seen]) in row.iter().enumerate() {
+                if *occupied < UNKNOWN {
+                    continue;
+                }
+                let (dx, dy) = (x as f32 + 0.5 - self.at[0], y as f32 + 0.5 - self.at[1]);
+                if let Some(cell) = LOCAL_GRID.index(cos * dx + sin * dy, cos * dy - sin * dx) {
+                    occupancy[cell] = occupancy[cell].max(*occupied);
+                    age[cell] = age[cell].min(*seen);
+                }
             }
         }
     }
