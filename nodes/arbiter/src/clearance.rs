@@ -102,15 +102,17 @@ impl Outline {
     ) -> Option<T> {
         let mut points = [[0.0f32; 2]; CORNERS];
         let (mut lowest, mut highest, mut total) = (f32::MAX, f32::MIN, 0.0);
-        for i in 0..self.count {
-            let px = self.corners[i][0] + margin_m * self.outward[i][0];
-            let py = self.corners[i][1] + margin_m * self.outward[i][1];
+        for (point, (corner, outward)) in
+            points.iter_mut().zip(self.corners.iter().zip(&self.outward)).take(self.count)
+        {
+            let px = corner[0] + margin_m * outward[0];
+            let py = corner[1] + margin_m * outward[1];
             let x = (at.x_m + (at.cos * px - at.sin * py)) * CELLS_PER_M;
             let y = (at.y_m + (at.sin * px + at.cos * py)) * CELLS_PER_M;
-            points[i] = [x + HALF, y];
-            lowest = lowest.min(points[i][0]);
-            highest = highest.max(points[i][0]);
-            total += points[i][0] + points[i][1];
+            *point = [x + HALF, y];
+            lowest = lowest.min(point[0]);
+            highest = highest.max(point[0]);
+            total += point[0] + point[1];
         }
         // What is not finite is outside; minimum and maximum alone would pass over NaN.
         if !(total.is_finite()
@@ -275,9 +277,9 @@ impl FreeSpace {
             let across = |row: u128| row | row << 1 | row >> 1 | 1 | 1 << (SAFETY_SIDE - 1);
             let mut below = ALL;
             let mut here = across(from[0]);
-            for row in 0..SAFETY_SIDE {
+            for (row, to) in to.iter_mut().enumerate() {
                 let above = from.get(row + 1).map_or(ALL, |row| across(*row));
-                to[row] = (below | here | above) & ALL;
+                *to = (below | here | above) & ALL;
                 below = here;
                 here = above;
             }

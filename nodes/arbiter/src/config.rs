@@ -1,6 +1,7 @@
 //! Parameters of the arbiter.
 
 use serde::Deserialize;
+use sidestep_msgs::Winner;
 
 /// Why the arbiter cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -133,6 +134,14 @@ impl Config {
         lead_good_s: 0.5,
         latch_file: String::new(),
     };
+
+    /// This configuration under the graph file's `lead` and `resume`.
+    #[must_use]
+    pub fn under(self, lead: Winner, resume: Option<&str>) -> Self {
+        let lead = if lead == Winner::Policy { Lead::Policy } else { Lead::Expert };
+        let resume = if resume == Some("operator") { Resume::Operator } else { Resume::Auto };
+        Self { lead, resume, ..self }
+    }
 
     /// Checks every range.
     ///

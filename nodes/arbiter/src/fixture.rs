@@ -144,7 +144,7 @@ impl Stage {
             let odometry = self.measure();
             self.arbiter.odometry(&odometry, &self.header(Status::Ok));
         }
-        if self.now_ns / TICK % 3 != 0 {
+        if !(self.now_ns / TICK).is_multiple_of(3) {
             return;
         }
         self.frame += 1;

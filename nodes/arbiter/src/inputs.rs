@@ -38,13 +38,15 @@ pub(crate) struct Wish {
 impl Wish {
     /// Takes a proposal; returns whether its frame is new.
     pub(crate) fn take(&mut self, proposal: &Proposal, header: &Header) -> bool {
-        let fit = header.status == Status::Ok as u32 && proposal.twist.is_finite();
+        // Copied, then checked: the original lies in shared memory.
+        let twist = proposal.twist;
+        let fit = header.status == Status::Ok as u32 && twist.is_finite();
         let good = self.stamps.offer(proposal.capture_ns, header.now_ns, fit);
         self.status = header.status;
         self.unfit = u32::from(!fit);
         self.good = if good { self.good.saturating_add(1) } else { 0 };
         if good {
-            self.twist = proposal.twist;
+            self.twist = twist;
             self.doubt_v_m_s = proposal.doubt_v_m_s;
             self.doubt_w_rad_s = proposal.doubt_w_rad_s;
         }
@@ -98,6 +100,8 @@ pub(crate) struct Inputs {
 
 impl Inputs {
     pub(crate) fn take_odometry(&mut self, odometry: &Odometry, header: &Header) {
+        // Copied, then checked: the original lies in shared memory.
+        let odometry = *odometry;
         let numbers = [odometry.roll_rad, odometry.pitch_rad];
         let fit = odometry.pose.is_finite()
             && odometry.twist.is_finite()
@@ -111,16 +115,17 @@ impl Inputs {
             self.same_since_ns = odometry.stamp_ns;
             self.frozen = 0;
         }
-        self.odometry = *odometry;
+        self.odometry = odometry;
     }
 
     /// Notes the header and the stamp of a safety map; returns whether its cells may be taken.
     pub(crate) fn take_map(&mut self, map: &SafetyMap, header: &Header) -> bool {
-        let fit = header.status == Status::Ok as u32 && map.pose.is_finite();
+        let pose = map.pose;
+        let fit = header.status == Status::Ok as u32 && pose.is_finite();
         if !self.map_stamps.offer(map.capture_ns, header.now_ns, fit) {
             return false;
         }
-        self.map_pose = map.pose;
+        self.map_pose = pose;
         self.map_epoch = map.pose_epoch;
         self.map_frame = header.source_frame;
         true
@@ -137,9 +142,10 @@ impl Inputs {
     }
 
     pub(crate) fn take_teleop(&mut self, teleop: &Teleop) {
+        let teleop = *teleop;
         let fit = teleop.v_m_s.is_finite() && teleop.w_rad_s.is_finite();
         if self.teleop_stamps.offer(teleop.stamp_ns, 0, fit) {
-            self.teleop = *teleop;
+            self.teleop = teleop;
         } else if !fit && teleop.dead_man != 0 {
             // A person holds on and cannot be understood: stop.
             self.teleop.dead_man = 1;

@@ -16,6 +16,7 @@ mod drive;
 mod fixture;
 mod freshness;
 mod inputs;
+mod latch;
 mod limits;
 mod node;
 mod operator;

@@ -1,37 +1,74 @@
 //! The arbiter in the graph: a command every tick, and one more when the lead's proposal of a new frame arrives.
 
-use crate::{Arbiter, Config, Lead, Resume};
-use sidestep_bus::{Boot, Keep, Link, NodeError};
+use crate::latch::LatchFile;
+use crate::{Arbiter, Config};
+use sidestep_bus::{Boot, Inbox, Keep, Link, NodeError, Step};
 use sidestep_msgs::{
-    COMMAND, ESTOP, EXPERT_COMMAND, Header, LOCAL_GOAL, NEAR_FIELD, ODOMETRY, POLICY_COMMAND, RANGES,
-    SAFETY_MAP, STATE_ARBITER, Stage, TELEOP, Winner,
+    COMMAND, ESTOP, EXPERT_COMMAND, Estop, Header, LOCAL_GOAL, LocalGoal, NEAR_FIELD, NearField, ODOMETRY,
+    Odometry, POLICY_COMMAND, Proposal, RANGES, Ranges, SAFETY_MAP, STATE_ARBITER, SafetyMap, Stage, TELEOP,
+    Teleop, Winner,
 };
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// One tick of graph time.
-const TICK: Duration = Duration::from_millis(10);
-
-/// Where the emergency stop outlives a crash.
-fn latch_file(boot: &Boot, config: &Config) -> PathBuf {
-    let in_run = || boot.domain.root.join(format!("{}.estop", boot.domain.prefix));
-    if config.latch_file.is_empty() { in_run() } else { PathBuf::from(&config.latch_file) }
+/// What the arbiter reads, in the order of the topic table.
+struct Inlets {
+    odometry: Inbox<Odometry>,
+    ranges: Inbox<Ranges>,
+    teleop: Inbox<Teleop>,
+    estop: Inbox<Estop>,
+    near_field: Inbox<NearField>,
+    maps: Inbox<SafetyMap>,
+    goals: Inbox<LocalGoal>,
+    policy: Inbox<Proposal>,
+    expert: Inbox<Proposal>,
+    /// Headers of the newest map and proposals: a command carries on the stamps of those it is about.
+    seen: [Header; 3],
+    /// Whether a new frame of the lead waits for its answer.
+    waiting: bool,
 }
 
-/// Writes the latch down before it is acted on; a disk that refuses does not stop the stop.
-fn keep_latch(path: &Path, latched: bool) {
-    let kept = if latched { std::fs::write(path, "latched\n") } else { std::fs::remove_file(path) };
-    if let Err(error) = kept {
-        eprintln!("arbiter: {}: {error}; the emergency stop will not outlive a crash", path.display());
+impl Inlets {
+    fn open(link: &Link) -> Result<Self, NodeError> {
+        Ok(Self {
+            odometry: link.inbox(ODOMETRY, Keep::Newest)?,
+            ranges: link.inbox(RANGES, Keep::Newest)?,
+            teleop: link.inbox(TELEOP, Keep::Newest)?,
+            estop: link.inbox(ESTOP, Keep::All)?,
+            near_field: link.inbox(NEAR_FIELD, Keep::Newest)?,
+            maps: link.inbox(SAFETY_MAP, Keep::Newest)?,
+            goals: link.inbox(LOCAL_GOAL, Keep::Newest)?,
+            policy: link.inbox(POLICY_COMMAND, Keep::Newest)?,
+            expert: link.inbox(EXPERT_COMMAND, Keep::Newest)?,
+            seen: [Header::default(); 3],
+            waiting: false,
+        })
     }
-}
 
-fn configured(boot: &Boot) -> Result<Config, NodeError> {
-    let mut config: Config = boot.config()?;
-    config.lead = if boot.lead_winner()? == Winner::Policy { Lead::Policy } else { Lead::Expert };
-    let operator = boot.graph_text("resume")?.as_deref() == Some("operator");
-    config.resume = if operator { Resume::Operator } else { Resume::Auto };
-    Ok(config)
+    /// Hands over what came; returns whether a new frame of the lead is to be answered now: in lockstep, once the other
+    /// proposer, if there is one, spoke of it too.
+    fn take(&mut self, step: &mut Step, arbiter: &mut Arbiter) -> Result<bool, NodeError> {
+        self.odometry.newest(step)?.inspect(|message| arbiter.odometry(message, message.header()));
+        self.ranges.newest(step)?.inspect(|message| arbiter.ranges(message));
+        self.teleop.newest(step)?.inspect(|message| arbiter.teleop(message));
+        self.estop.each(step, |message, _| arbiter.estop(message))?;
+        self.near_field.newest(step)?.inspect(|message| arbiter.near_field(message));
+        if let Some(map) = self.maps.newest(step)? {
+            arbiter.safety_map(&map, map.header());
+            self.seen[0] = *map.header();
+        }
+        self.goals.newest(step)?.inspect(|message| arbiter.local_goal(message, message.header()));
+        let proposers = [(&mut self.policy, Winner::Policy), (&mut self.expert, Winner::Expert)];
+        for ((inbox, winner), seen) in proposers.into_iter().zip(&mut self.seen[1..]) {
+            if let Some(message) = inbox.newest(step)? {
+                self.waiting |= arbiter.proposal(winner, &message, message.header());
+                *seen = *message.header();
+            }
+        }
+        let [_, policy, expert] = &self.seen;
+        let alone = policy.sequence == 0 || expert.sequence == 0;
+        let complete = !step.is_lockstep() || alone || policy.source_frame == expert.source_frame;
+        Ok(complete && std::mem::take(&mut self.waiting))
+    }
 }
 
 /// Commands until asked to stop.
@@ -39,71 +76,33 @@ fn configured(boot: &Boot) -> Result<Config, NodeError> {
 /// # Errors
 /// [`NodeError::Configuration`] with key, found and needed, or [`NodeError::Transport`].
 pub fn run(boot: &Boot) -> Result<(), NodeError> {
-    let config = configured(boot)?;
+    let resume = boot.graph_text("resume")?;
+    let config = boot.config::<Config>()?.under(boot.lead_winner()?, resume.as_deref());
     let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
     let mut arbiter = Arbiter::new(&config, &boot.robot()?, boot.incarnation).map_err(refused)?;
-    let latch = latch_file(boot, &config);
-    let mut latched = latch.exists();
-    if latched {
+    let in_run = boot.domain.root.join(format!("{}.estop", boot.domain.prefix));
+    let mut latch = LatchFile::at(&config.latch_file, in_run);
+    if latch.is_latched() {
         arbiter.latch();
     }
 
     let mut link = Link::open(boot)?;
-    let mut odometry = link.inbox(ODOMETRY, Keep::Newest)?;
-    let mut ranges = link.inbox(RANGES, Keep::Newest)?;
-    let mut teleop = link.inbox(TELEOP, Keep::Newest)?;
-    let mut estop = link.inbox(ESTOP, Keep::All)?;
-    let mut near_field = link.inbox(NEAR_FIELD, Keep::Newest)?;
-    let mut maps = link.inbox(SAFETY_MAP, Keep::Newest)?;
-    let mut goals = link.inbox(LOCAL_GOAL, Keep::Newest)?;
-    let mut policy = link.inbox(POLICY_COMMAND, Keep::Newest)?;
-    let mut expert = link.inbox(EXPERT_COMMAND, Keep::Newest)?;
+    let mut inputs = Inlets::open(&link)?;
     let mut commands = link.outbox(COMMAND)?;
     let mut states = link.outbox(STATE_ARBITER)?;
-    link.wake_on(if config.lead == Lead::Policy { POLICY_COMMAND } else { EXPERT_COMMAND })?;
-    link.tick_every(TICK)?;
-    // Headers of the newest proposals and map: the command carries on the stamps of those it is about.
-    let mut seen = [Header::default(); 3];
+    link.wake_on(POLICY_COMMAND)?;
+    link.wake_on(EXPERT_COMMAND)?;
+    link.tick_every(Duration::from_millis(10))?;
     link.run(|step| {
         if step.epoch_raised() {
             arbiter.reset();
         }
-        if let Some(message) = odometry.newest(step)? {
-            arbiter.odometry(&message, message.header());
-        }
-        if let Some(message) = ranges.newest(step)? {
-            arbiter.ranges(&message);
-        }
-        if let Some(message) = teleop.newest(step)? {
-            arbiter.teleop(&message);
-        }
-        estop.each(step, |message, _| arbiter.estop(message))?;
-        if let Some(message) = near_field.newest(step)? {
-            arbiter.near_field(&message);
-        }
-        if let Some(message) = maps.newest(step)? {
-            arbiter.safety_map(&message, message.header());
-            seen[0] = *message.header();
-        }
-        if let Some(message) = goals.newest(step)? {
-            arbiter.local_goal(&message, message.header());
-        }
-        let mut due = step.is_tick();
-        for (inbox, winner, slot) in [(&mut policy, Winner::Policy, 1), (&mut expert, Winner::Expert, 2)] {
-            if let Some(message) = inbox.newest(step)? {
-                due |= arbiter.proposal(winner, &message, message.header());
-                seen[slot] = *message.header();
-            }
-        }
-        if !due {
+        if !inputs.take(step, &mut arbiter)? && !step.is_tick() {
             return Ok(());
         }
-        if arbiter.latched() != latched {
-            latched = arbiter.latched();
-            keep_latch(&latch, latched);
-        }
+        latch.keep(arbiter.latched());
         let (now_ns, open_loop) = (step.now_ns(), step.is_open_loop());
-        commands.send_about(step, Stage::Arbiter, &seen, |out| {
+        commands.send_about(step, Stage::Arbiter, &inputs.seen, |out| {
             let status = arbiter.step(now_ns, open_loop, out);
             (status, arbiter.source_frame())
         })?;

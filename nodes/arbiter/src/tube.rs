@@ -218,7 +218,8 @@ impl Tube {
         for step in 0..STEPS_MAX {
             let time_s = step as f32 * STEP_S;
             // Looked at before the next step would pass what is allowed; NaN looks at every pose.
-            if !(moved_m + step_m <= allowed_m) {
+            let goes_on = moved_m + step_m <= allowed_m;
+            if !goes_on {
                 allowed_m = self.allowance(situation, space, candidate, &at, time_s, path_m)?;
                 moved_m = 0.0;
             }

@@ -9,12 +9,8 @@ const CONFIG: Config = Config::STANDARD;
 /// Boxed in from all sides for a while; then the box opens ahead.
 #[test]
 fn a_robot_boxed_in_stands_and_drives_on_when_the_way_opens() {
-    let cage = [
-        [0.21, -3.0, 1.0, 3.0],
-        [-3.0, 0.34, 3.0, 1.0],
-        [-3.0, -1.0, 3.0, -0.34],
-        [-1.0, -3.0, -0.21, 3.0],
-    ];
+    let cage =
+        [[0.21, -3.0, 1.0, 3.0], [-3.0, 0.34, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.34], [-1.0, -3.0, -0.21, 3.0]];
     let mut stage = Stage::new(&CONFIG, &cage);
     stage.wish = Twist::new(0.5, 0.0);
     let mut reasons = Vec::new();

@@ -65,7 +65,7 @@ proptest! {
     ) {
         let mut stage = Stage::new(&CONFIG, &few);
         by_hand(&mut stage, first, 80);
-        while stage.now_ns / TICK % 3 != 0 {
+        while !(stage.now_ns / TICK).is_multiple_of(3) {
             by_hand(&mut stage, first, 1);
         }
         let here = stage.pose;

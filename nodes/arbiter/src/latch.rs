@@ -1,0 +1,54 @@
+//! The file in which an emergency stop outlives a crash of the arbiter.
+
+use std::path::PathBuf;
+
+/// A file that exists while the emergency stop is latched.
+#[derive(Debug)]
+pub(crate) struct LatchFile {
+    path: PathBuf,
+    latched: bool,
+}
+
+impl LatchFile {
+    /// The latch as an earlier life left it, in the named file or, where none is named, in that of the run.
+    pub(crate) fn at(named: &str, in_run: PathBuf) -> Self {
+        let path = if named.is_empty() { in_run } else { PathBuf::from(named) };
+        let latched = path.exists();
+        Self { path, latched }
+    }
+
+    pub(crate) fn is_latched(&self) -> bool {
+        self.latched
+    }
+
+    /// Writes a change down, before it is acted on; a disk that refuses does not stop the stop.
+    pub(crate) fn keep(&mut self, latched: bool) {
+        if self.latched == latched {
+            return;
+        }
+        self.latched = latched;
+        let kept =
+            if latched { std::fs::write(&self.path, "latched\n") } else { std::fs::remove_file(&self.path) };
+        if let Err(error) = kept {
+            eprintln!(
+                "arbiter: {}: {error}; the emergency stop will not outlive a crash",
+                self.path.display()
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_latch_outlives_the_one_who_wrote_it_until_it_is_released() {
+        let path = std::env::temp_dir().join(format!("sidestep-latch-{}", std::process::id()));
+        LatchFile::at("", path.clone()).keep(true);
+        let mut next = LatchFile::at("", path.clone());
+        assert!(next.is_latched());
+        next.keep(false);
+        assert!(!LatchFile::at("", path).is_latched());
+    }
+}
