@@ -79,7 +79,7 @@ pub struct Config {
     pub back_up_m_s: f32,
     /// [m] longest back-up.
     pub back_up_m: f32,
-    /// [s] [0, 25] a back-up crosses only cells seen within this time.
+    /// [s] [0, 25] an escape backward crosses only cells seen within this time; a recovery any free cell.
     pub back_up_age_s: f32,
     /// [s] nothing is safe for this long: boxed in.
     pub boxed_in_s: f32,
@@ -123,7 +123,7 @@ impl Config {
         escape_turn_rad_s: 0.6,
         back_up_m_s: 0.15,
         back_up_m: 0.3,
-        back_up_age_s: 10.0,
+        back_up_age_s: 20.0,
         boxed_in_s: 3.0,
         no_progress_s: 10.0,
         progress_m: 0.1,

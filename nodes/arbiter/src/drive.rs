@@ -58,8 +58,7 @@ impl Arbiter {
             Action::Follow => (selected.winner, None),
         };
         match action {
-            Action::Scan(turn) => question.wish = turn,
-            Action::BackUp(back) => (question.wish, question.lately_seen) = (back, true),
+            Action::Scan(way) | Action::BackUp(way) => question.wish = way,
             _ => {}
         }
         question.escapes &= action == Action::Follow;
@@ -69,7 +68,7 @@ impl Arbiter {
             let filtered = Filtered { motion, scale: 0.0, reason: Reason::Braking, cell: NO_CELL };
             return Verdict { winner, wish, filtered };
         };
-        if question.lately_seen || question.escapes {
+        if question.escapes {
             let margin_m = self.tube.margin_at(&situation.at, &situation.old);
             situation.old_margin_m = margin_m.unwrap_or(f32::NAN);
         }
@@ -106,7 +105,6 @@ impl Arbiter {
             scale_max: 1.0,
             side,
             escapes: true,
-            lately_seen: false,
         }
     }
 

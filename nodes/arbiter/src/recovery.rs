@@ -41,8 +41,10 @@ pub(crate) enum Action {
 pub(crate) struct Recovery {
     /// Pose in `odom` since which progress is measured.
     anchor: Pose2,
-    /// Pose in `odom` at which the trouble began, or the phase.
+    /// Pose in `odom` at which the phase began.
     place: Pose2,
+    /// Pose in `odom` at which the last trouble began.
+    trouble: Pose2,
     /// [rad] turned since the scan began.
     turned_rad: f64,
     last_yaw_rad: f64,
@@ -57,22 +59,25 @@ pub(crate) struct Recovery {
     phase: u32,
     /// [`Reason`] code of the trouble.
     cause: u32,
-    /// Recoveries tried at this place.
-    tried: u32,
+    /// 1 once a scan was done here.
+    scanned: u32,
+    /// 1 once it backed up here.
+    backed: u32,
+    _pad: u32,
 }
 
 impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
-        let keep = (self.tried, self.place);
+        let keep = (self.scanned, self.backed, self.trouble);
         *self = Self { anchor: *pose, anchor_ns: now_ns, still: *pose, still_ns: now_ns, ..Self::zeroed() };
-        (self.tried, self.place) = keep;
+        (self.scanned, self.backed, self.trouble) = keep;
     }
 
     /// An operator's word: tries everything again.
     pub(crate) fn forgive(&mut self) {
         self.phase = FOLLOW;
-        self.tried = 0;
+        (self.scanned, self.backed) = (0, 0);
         self.still_ns = 0;
         self.anchor_ns = 0;
     }
@@ -86,8 +91,8 @@ impl Recovery {
         (wants, side): (bool, f32),
         config: &Config,
     ) -> Action {
-        if self.tried > 0 && pose.distance_m(&self.place) > AWAY_M && self.phase == FOLLOW {
-            self.tried = 0;
+        if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M {
+            (self.scanned, self.backed) = (0, 0);
         }
         if self.anchor_ns == 0 || pose.distance_m(&self.anchor) >= f64::from(config.progress_m) {
             self.anchor = *pose;
@@ -106,16 +111,19 @@ impl Recovery {
                 self.turned_rad += wrap_angle(pose.yaw_rad - self.last_yaw_rad).abs();
                 self.last_yaw_rad = pose.yaw_rad;
                 if still_ns > BLOCKED_NS {
-                    self.begin(BACK_UP, now_ns, pose);
+                    // No room to turn: first back up, and where that was done, rest.
+                    self.begin(if self.backed == 0 { BACK_UP } else { REST }, now_ns, pose);
                 } else if self.turned_rad >= SCAN_RAD || since(self.phase_ns) > SCAN_NS {
+                    self.scanned = 1;
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
             BACK_UP => {
-                let far = pose.distance_m(&self.place) >= f64::from(config.back_up_m);
+                let way_m = pose.distance_m(&self.place);
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
-                if far {
-                    self.begin(FOLLOW, now_ns, pose);
+                if way_m >= f64::from(config.back_up_m) || stuck && way_m > MOVED_M {
+                    self.backed = 1;
+                    self.begin(if self.scanned == 0 { SCAN } else { FOLLOW }, now_ns, pose);
                 } else if stuck {
                     self.begin(REST, now_ns, pose);
                 }
@@ -127,8 +135,12 @@ impl Recovery {
                 if boxed_in || lost {
                     self.cause = if boxed_in { Reason::BoxedIn } else { Reason::NoProgress } as u32;
                     self.side = if side < 0.0 { -1.0 } else { 1.0 };
-                    let phase = [SCAN, BACK_UP].get(self.tried as usize).copied().unwrap_or(REST);
-                    self.tried = self.tried.saturating_add(1);
+                    let phase = match (self.scanned, self.backed) {
+                        (0, _) => SCAN,
+                        (_, 0) => BACK_UP,
+                        _ => REST,
+                    };
+                    self.trouble = *pose;
                     self.begin(phase, now_ns, pose);
                 }
             }
@@ -149,7 +161,7 @@ impl Recovery {
         let boxed_in = self.cause == Reason::BoxedIn as u32;
         if self.phase == REST && (boxed_in && free || may_retry && waited) {
             self.begin(FOLLOW, now_ns, pose);
-            self.tried = 0;
+            (self.scanned, self.backed) = (0, 0);
         }
     }
 

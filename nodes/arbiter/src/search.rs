@@ -62,8 +62,6 @@ pub(crate) struct Question {
     pub(crate) side: f32,
     /// Whether turning and backing up may replace the wish.
     pub(crate) escapes: bool,
-    /// Whether the way leads backward over cells seen lately.
-    pub(crate) lately_seen: bool,
 }
 
 /// The filter of one step.
@@ -119,7 +117,7 @@ impl Filter<'_> {
         let part = (speed / wish.v_m_s.abs().max(1e-6)).min(turn / wish.w_rad_s.abs().max(1e-6));
         let part = part.min(question.scale_max);
         let motion = Motion::steady(Twist::new(wish.v_m_s * part, wish.w_rad_s * part));
-        self.try_motion(motion, true, question.lately_seen).map(|_| ())
+        self.try_motion(motion, true, false).map(|_| ())
     }
 
     /// The largest safe scale with its command, and the cell that was in the way of the next larger.
@@ -135,7 +133,7 @@ impl Filter<'_> {
             let motion = at(scale);
             let verdict = match last {
                 Some((known, verdict)) if known == motion => verdict,
-                _ => self.try_motion(motion, true, question.lately_seen),
+                _ => self.try_motion(motion, true, false),
             };
             last = Some((motion, verdict));
             if let Err(hit) = verdict {

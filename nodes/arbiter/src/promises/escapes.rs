@@ -54,7 +54,7 @@ fn no_progress_leads_to_a_full_turn_then_a_short_way_back_then_rest() {
 }
 
 #[test]
-fn backing_up_crosses_only_cells_seen_lately_and_not_more_than_its_length() {
+fn escaping_backward_crosses_only_cells_seen_lately_and_not_more_than_its_length() {
     let slot = [[0.25, -3.0, 1.0, 3.0], [-3.0, 0.34, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.34]];
     for lately in [true, false] {
         let mut stage = Stage::new(&CONFIG, &slot);
