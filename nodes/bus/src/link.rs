@@ -8,12 +8,13 @@ use crate::inbox::{Inbox, Keep};
 use crate::outbox::Outbox;
 use crate::step::Step;
 use iceoryx2::port::listener::Listener;
+use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{
     CallbackProgression, FileDescriptor, FileDescriptorBased, Node, SignalHandlingMode,
     SynchronousMultiplexing, WaitSet, WaitSetBuilder, ipc,
 };
 use sidestep_msgs::{CLOCK, Clock, Health, Message, NodeState, TOPICS_MAX, Topic, health_topic};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::io::Read;
 use std::os::fd::AsRawFd;
 use std::os::unix::net::UnixStream;
@@ -22,6 +23,9 @@ use std::time::Duration;
 
 /// [ns] host time between heartbeats.
 const HEARTBEAT_NS: u64 = 25_000_000;
+
+/// [Hz] a topic that is at most this frequent has its history handed out by the heartbeat.
+const RARE_HZ: f32 = 1.0;
 
 /// Messages per topic, shared by all inboxes and outboxes of a node.
 #[derive(Debug)]
@@ -88,7 +92,6 @@ struct Cycle {
 }
 
 /// A node's connection to the graph.
-#[derive(Debug)]
 pub struct Link {
     services: Services,
     counters: Rc<Counters>,
@@ -100,6 +103,8 @@ pub struct Link {
     health: Option<Outbox<Health>>,
     wakes: Vec<Listener<ipc::Service>>,
     tick_ns: Option<u64>,
+    /// Writers of rare topics: a reader that joins late gets the newest message at the next heartbeat.
+    rare: RefCell<Vec<Rc<dyn UpdateConnections>>>,
     // Dropped last: everything above lives in it.
     node: Rc<Node<ipc::Service>>,
 }
@@ -159,6 +164,7 @@ impl Link {
             health: None,
             wakes: Vec::new(),
             tick_ns: None,
+            rare: RefCell::default(),
             node,
         })
     }
@@ -177,6 +183,10 @@ impl Link {
     /// [`NodeError::Transport`].
     pub fn outbox<M: Message>(&self, topic: Topic<M>) -> Result<Outbox<M>, NodeError> {
         let (publisher, notifier) = self.services.publisher(topic)?;
+        let publisher = Rc::new(publisher);
+        if topic.row().history > 0 && topic.row().rate_hz <= RARE_HZ {
+            self.rare.borrow_mut().push(publisher.clone());
+        }
         Ok(Outbox::new(topic, publisher, notifier, self.counters.clone(), (self.run, self.incarnation)))
     }
 
@@ -331,6 +341,9 @@ impl Link {
 
     fn beat(&mut self, next_beat_ns: &mut u64, state: NodeState, cycle: &mut Cycle) -> Result<(), NodeError> {
         *next_beat_ns = host_ns() + HEARTBEAT_NS;
+        for writer in self.rare.borrow().iter() {
+            writer.update_connections().map_err(|error| NodeError::transport("heartbeat", "meet new readers", error))?;
+        }
         let Some(outbox) = &mut self.health else { return Ok(()) };
         let mut aside = Step::new();
         let host = host_ns();

@@ -14,7 +14,7 @@ use std::rc::Rc;
 #[derive(Debug)]
 pub struct Outbox<M: Message> {
     topic: Topic<M>,
-    publisher: Publisher<ipc::Service, M, Header>,
+    publisher: Rc<Publisher<ipc::Service, M, Header>>,
     notifier: Notifier<ipc::Service>,
     counters: Rc<Counters>,
     run: u64,
@@ -25,7 +25,7 @@ pub struct Outbox<M: Message> {
 impl<M: Message> Outbox<M> {
     pub(crate) fn new(
         topic: Topic<M>,
-        publisher: Publisher<ipc::Service, M, Header>,
+        publisher: Rc<Publisher<ipc::Service, M, Header>>,
         notifier: Notifier<ipc::Service>,
         counters: Rc<Counters>,
         (run, incarnation): (u64, u32),
