@@ -206,47 +206,68 @@ fn is(command: &Command, reason: Reason) -> bool {
     Reason::from_code(command.reason) == Some(reason)
 }
 
-/// Breaks a node in a way, and looks at the order of reasons and at the ages in graph time.
-fn stops_in_time(name: &str, node: &str, signal: i32, reason: Reason) {
-    let mut drive = Drive::start(name, &[]);
+/// Stops a node without killing it, and looks at the order of reasons and at the ages in graph time.
+fn stops_in_time(node: &str, reasons: &[Reason]) {
+    let mut drive = Drive::start(&format!("hung-{node}"), &[]);
     let process = drive.running.node(node).unwrap();
     let before_ns = host_ns();
-    send_signal(process, signal);
-    let seen = drive.until("the stop", |command| is(command, reason));
+    send_signal(process, libc::SIGSTOP);
+    let fits = |command: &Command| reasons.iter().any(|&reason| is(command, reason));
+    let seen = drive.until("the stop", fits);
     let (stop_ns, _) = seen.last().unwrap();
-    eprintln!("{node} {name}: {:.0} ms to the stop command", (stop_ns - before_ns) as f64 * 1e-6);
+    eprintln!("{node} hung: {:.0} ms to the stop command", (stop_ns - before_ns) as f64 * 1e-6);
     // Until the stop, every command rested on inputs within their ages.
     for (now_ns, command) in &seen[..seen.len() - 1] {
-        let driving = command.twist.v_m_s != 0.0 && !is(command, reason);
         let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;
-        assert!(!driving || young, "at {now_ns}: {command:?}");
+        assert!(fits(command) || command.twist.v_m_s == 0.0 || young, "at {now_ns}: {command:?}");
     }
+    drive.until("rest", |command| command.twist.v_m_s == 0.0);
     drive.until("driving again", |command| command.twist.v_m_s > 0.2);
     let outcome = drive.end();
+    assert!(outcome.err.contains("hung: no heartbeat"), "{}", outcome.err);
     assert!(outcome.err.contains("started again, incarnation 1"), "{}", outcome.err);
 }
 
 #[test]
-fn a_killed_mapper_stops_the_robot_and_the_drive_goes_on() {
-    stops_in_time("killed-mapper", "mapper", libc::SIGKILL, Reason::StaleMap);
-}
-
-#[test]
 fn a_hung_mapper_stops_the_robot_and_is_replaced() {
-    stops_in_time("hung-mapper", "mapper", libc::SIGSTOP, Reason::StaleMap);
+    stops_in_time("mapper", &[Reason::StaleMap]);
 }
 
 #[test]
-fn a_killed_goal_stops_the_robot_and_the_drive_goes_on() {
-    stops_in_time("killed-goal", "goal", libc::SIGKILL, Reason::StaleGoal);
+fn a_hung_goal_stops_the_robot_and_is_replaced() {
+    stops_in_time("goal", &[Reason::StaleGoal, Reason::StaleProposals]);
 }
 
 #[test]
-fn a_killed_lead_hands_over_to_the_other_proposal() {
-    let mut drive = Drive::start("killed-lead", &[]);
-    send_signal(drive.running.node("expert").unwrap(), libc::SIGKILL);
+fn a_hung_driver_stops_the_robot_and_is_replaced() {
+    stops_in_time("sim", &[Reason::StaleOdometry]);
+}
+
+#[test]
+fn a_hung_lead_hands_over_to_the_other_proposal() {
+    let mut drive = Drive::start("hung-lead", &[]);
+    send_signal(drive.running.node("expert").unwrap(), libc::SIGSTOP);
     drive.until("the other proposal", |command| is(command, Reason::OtherProposal));
     drive.until("the lead again", |command| command.winner == sidestep_msgs::Winner::Expert as u32);
+    drive.end();
+}
+
+#[test]
+fn killed_perception_comes_back_and_the_drive_goes_on() {
+    let mut drive = Drive::start("killed", &[]);
+    for node in ["goal", "mapper"] {
+        let process = drive.running.node(node).unwrap();
+        send_signal(process, libc::SIGKILL);
+        drive.running.wait_for(node, |running| running.node(node).filter(|&id| id != process));
+        drive.until("a while", {
+            let mut commands = 0;
+            move |_| {
+                commands += 1;
+                commands > 100
+            }
+        });
+        drive.until("driving", |command| command.twist.v_m_s > 0.2);
+    }
     drive.end();
 }
 

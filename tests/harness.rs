@@ -114,15 +114,6 @@ pub(crate) fn run_with_summary(name: &str, arguments: &[&str]) -> (Outcome, Valu
     (outcome, serde_json::from_str(&text).unwrap())
 }
 
-/// The folder of data made by others, or `None` with a line that says what was skipped.
-pub(crate) fn data(what: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("SIDESTEP_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("skipped: {what}: SIDESTEP_DATA is not set to the folder of shared data");
-    }
-    folder
-}
-
 /// A run in the background, watched from outside.
 #[derive(Debug)]
 pub(crate) struct Running {

@@ -17,3 +17,9 @@ mod faults;
 
 // No step allocates after its start.
 mod allocations;
+
+// BARN worlds with a lidar robot, the whole chain in one process.
+mod barn;
+
+// The mapper on depth that real cameras saw.
+mod real_depth;
