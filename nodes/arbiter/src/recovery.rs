@@ -123,7 +123,7 @@ impl Recovery {
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
                 if way_m >= f64::from(config.back_up_m) || stuck && way_m > MOVED_M {
                     self.backed = 1;
-                    self.begin(if self.scanned == 0 { SCAN } else { FOLLOW }, now_ns, pose);
+                    self.begin(FOLLOW, now_ns, pose);
                 } else if stuck {
                     self.begin(REST, now_ns, pose);
                 }
