@@ -240,7 +240,14 @@ fn a_hung_goal_stops_the_robot_and_is_replaced() {
 
 #[test]
 fn a_hung_driver_stops_the_robot_and_is_replaced() {
-    stops_in_time("sim", &[Reason::StaleOdometry]);
+    // A simulator that starts again puts the robot back to its start: the pose jumps, and what was seen is void.
+    let mut drive = Drive::start("hung-sim", &[]);
+    send_signal(drive.running.node("sim").unwrap(), libc::SIGSTOP);
+    drive.until("the stop", |command| is(command, Reason::StaleOdometry));
+    drive.until("rest", |command| command.twist.v_m_s == 0.0);
+    drive.until("odometry again", |command| command.odometry_age_s < 0.06);
+    let outcome = drive.end();
+    assert!(outcome.err.contains("hung: no heartbeat"), "{}", outcome.err);
 }
 
 #[test]

@@ -23,3 +23,6 @@ mod barn;
 
 // The mapper on depth that real cameras saw.
 mod real_depth;
+
+// Graph files and shipped configurations agree.
+mod shipped;

@@ -181,10 +181,7 @@ impl Services {
             .map_err(|error| NodeError::transport(topic.row().name, "read it", error))
     }
 
-    pub(crate) fn publisher<M: Message>(
-        &self,
-        topic: Topic<M>,
-    ) -> Result<Writer<M>, NodeError> {
+    pub(crate) fn publisher<M: Message>(&self, topic: Topic<M>) -> Result<Writer<M>, NodeError> {
         let name = topic.row().name;
         let publisher = self
             .open(topic)?

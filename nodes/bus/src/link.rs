@@ -342,7 +342,9 @@ impl Link {
     fn beat(&mut self, next_beat_ns: &mut u64, state: NodeState, cycle: &mut Cycle) -> Result<(), NodeError> {
         *next_beat_ns = host_ns() + HEARTBEAT_NS;
         for writer in self.rare.borrow().iter() {
-            writer.update_connections().map_err(|error| NodeError::transport("heartbeat", "meet new readers", error))?;
+            writer
+                .update_connections()
+                .map_err(|error| NodeError::transport("heartbeat", "meet new readers", error))?;
         }
         let Some(outbox) = &mut self.health else { return Ok(()) };
         let mut aside = Step::new();

@@ -1,8 +1,8 @@
 //! The mapper in the graph: one local map and one safety map per depth frame or sweep.
 
 use crate::{Config, Mapper};
-use sidestep_bus::{Boot, Keep, Link, NodeError};
-use sidestep_msgs::{DEPTH, LOCAL_MAP, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage};
+use sidestep_bus::{Boot, Keep, Keepsake, Link, NodeError};
+use sidestep_msgs::{DEPTH, LOCAL_MAP, MAPPER_STATE_BYTES, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage};
 
 /// Maps until asked to stop.
 ///
@@ -14,6 +14,12 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     config.grant_start_disc &= boot.incarnation == 0;
     let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
     let mut mapper = Mapper::new(&config, &boot.robot()?).map_err(refused)?;
+
+    // What an earlier life has seen still stands where it stood: odometry went on, and ages are kept.
+    let mut keepsake = Keepsake::new(boot, MAPPER_STATE_BYTES);
+    if let Some(memory) = keepsake.read().filter(|_| boot.incarnation > 0) {
+        mapper.restore(&memory);
+    }
 
     let mut link = Link::open(boot)?;
     let mut depth = link.inbox(DEPTH, Keep::Newest)?;
@@ -46,6 +52,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
         }
         local.send(step, |map| mapper.write_local(map))?;
         safety.send(step, |map| mapper.write_safety(map))?;
+        keepsake.keep(step, |bytes| mapper.state(bytes));
         if step.owes_state() {
             let after_sequence = local.next_sequence() - 1;
             states.send(step, |state| {
