@@ -150,9 +150,9 @@ pub(crate) fn ending(status: ExitStatus) -> String {
 /// Processor seconds and megabytes (PSS) of a process.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Usage {
-    /// [s] processor time, user and system.
+    /// `[s]` processor time, user and system.
     pub(crate) cpu_s: f64,
-    /// [MB] proportional set size.
+    /// `[MB]` proportional set size.
     pub(crate) pss_mb: f64,
 }
 

@@ -125,6 +125,14 @@ pub(crate) fn listen(name: &str, echo: bool, time: Duration, count_most: u64) ->
     Ok(listener.received)
 }
 
+/// A node as its heartbeat shows it.
+struct Heart {
+    name: &'static str,
+    inbox: Inbox<Health>,
+    /// The newest beat, and the host time at which it was seen.
+    newest: Option<(Health, u64)>,
+}
+
 /// One line per node and the newest command, refreshed until the run ends or the time is over.
 ///
 /// # Errors
@@ -132,10 +140,10 @@ pub(crate) fn listen(name: &str, echo: bool, time: Duration, count_most: u64) ->
 pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure> {
     let mut link = join("top")?;
     let names: Vec<_> = TOPICS.iter().filter_map(|row| row.name.strip_prefix("health/")).collect();
-    let mut inboxes: Vec<(&str, Inbox<Health>, Option<(Health, u64)>)> = Vec::new();
+    let mut inboxes: Vec<Heart> = Vec::new();
     for name in names {
         if let Some(topic) = health_topic(name) {
-            inboxes.push((name, link.inbox(topic, Keep::Newest)?, None));
+            inboxes.push(Heart { name, inbox: link.inbox(topic, Keep::Newest)?, newest: None });
         }
     }
     let mut commands = link.inbox(COMMAND, Keep::Newest)?;
@@ -146,9 +154,9 @@ pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure
     while host_ns() < until_ns && live_domains().contains(&run) {
         pause(every);
         link.look(&mut step)?;
-        for (_, inbox, newest) in &mut inboxes {
-            if let Some(message) = inbox.newest(&mut step)? {
-                *newest = Some((*message, host_ns()));
+        for heart in &mut inboxes {
+            if let Some(message) = heart.inbox.newest(&mut step)? {
+                heart.newest = Some((*message, host_ns()));
             }
         }
         if let Some(message) = commands.newest(&mut step)? {
@@ -159,13 +167,13 @@ pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure
     Ok(())
 }
 
-fn page(nodes: &[(&str, Inbox<Health>, Option<(Health, u64)>)], command: Option<&Command>) -> String {
+fn page(nodes: &[Heart], command: Option<&Command>) -> String {
     let head = ["node", "state", "steps", "frame", "mean ms", "worst ms", "misses", "lost", "skipped"];
     let [node, state, steps, frame, mean, worst, misses, lost, skipped] = head;
     let mut text = format!(
         "{node:<9} {state:<9} {steps:>9} {frame:>8} {mean:>9} {worst:>9} {misses:>7} {lost:>6} {skipped:>8}\n"
     );
-    for (name, _, newest) in nodes {
+    for Heart { name, newest, .. } in nodes {
         let Some((health, seen_ns)) = newest else { continue };
         let silent = host_ns().saturating_sub(*seen_ns) > 500_000_000;
         let state =

@@ -85,7 +85,7 @@ enum Commands {
         /// Begins again at the end.
         #[arg(long = "loop")]
         repeat: bool,
-        /// [s] how far into the recording to begin.
+        /// `[s]` how far into the recording to begin.
         #[arg(long, default_value_t = 0.0)]
         start_offset: f64,
         #[command(flatten)]
@@ -150,10 +150,10 @@ enum Commands {
     },
     /// Drives by hand while the command runs; the wish passes the same filter as any other.
     Teleop {
-        /// [m/s] forward speed.
+        /// `[m/s]` forward speed.
         #[arg(long, allow_hyphen_values = true, default_value_t = 0.0)]
         v: f32,
-        /// [rad/s] turn rate, counter-clockwise.
+        /// `[rad/s]` turn rate, counter-clockwise.
         #[arg(long, allow_hyphen_values = true, default_value_t = 0.0)]
         w: f32,
         /// How long the dead man's switch is held.

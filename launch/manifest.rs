@@ -55,17 +55,17 @@ pub(crate) enum Restart {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Supervision {
-    /// [ms] silence of a heartbeat after which a node counts as hung and is killed.
+    /// `[ms]` silence of a heartbeat after which a node counts as hung and is killed.
     pub(crate) hang_ms: u64,
-    /// [ms] time a node has from its start to its first heartbeat.
+    /// `[ms]` time a node has from its start to its first heartbeat.
     pub(crate) start_ms: u64,
-    /// [ms] pause before the second restart in a row; doubles with each further one.
+    /// `[ms]` pause before the second restart in a row; doubles with each further one.
     pub(crate) delay_ms: u64,
-    /// [ms] longest pause.
+    /// `[ms]` longest pause.
     pub(crate) delay_most_ms: u64,
     /// Restarts within the window after which a node is given up.
     pub(crate) restarts_most: u32,
-    /// [s] the window; a node that lived this long starts its count afresh.
+    /// `[s]` the window; a node that lived this long starts its count afresh.
     pub(crate) window_s: f64,
 }
 
@@ -156,7 +156,7 @@ pub(crate) struct Graph {
     pub(crate) lead: Lead,
     /// Restart pacing.
     pub(crate) supervision: Supervision,
-    /// [ms] latency budget per stage.
+    /// `[ms]` latency budget per stage.
     pub(crate) budgets_ms: BTreeMap<String, f64>,
     /// Nodes in the order of the data.
     pub(crate) nodes: Vec<NodePlan>,

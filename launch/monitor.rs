@@ -10,7 +10,7 @@ use sidestep_msgs::{
 };
 use std::collections::BTreeMap;
 
-/// [ns] the command must be zero for this long to count as standing.
+/// `[ns]` the command must be zero for this long to count as standing.
 const REST_NS: u64 = 300_000_000;
 
 struct Inboxes {
@@ -53,7 +53,7 @@ pub(crate) struct Monitor {
     pub(crate) reasons: BTreeMap<&'static str, u64>,
     /// Commands per winner.
     pub(crate) winners: BTreeMap<&'static str, u64>,
-    /// [ns] host time at which all nodes were ready.
+    /// `[ns]` host time at which all nodes were ready.
     pub(crate) began_ns: Option<u64>,
     /// Whether any command said that its sensors are a recording.
     pub(crate) open_loop: bool,

@@ -6,9 +6,9 @@ use sidestep_bus::{Keep, Outbox, Step, host_ns, pause};
 use sidestep_msgs::{COMMAND, Code, ESTOP, EstopAction, Reason, Stage, TELEOP, Teleop};
 use std::time::Duration;
 
-/// [ns] time the arbiter has to acknowledge.
+/// `[ns]` time the arbiter has to acknowledge.
 const ACKNOWLEDGE_NS: u64 = 500_000_000;
-/// [ns] time to wait for another operator's message to leave the topic.
+/// `[ns]` time to wait for another operator's message to leave the topic.
 const TURN_NS: u64 = 1_000_000_000;
 /// Pace of teleop wishes.
 const WISH_EVERY: Duration = Duration::from_millis(20);

@@ -15,10 +15,10 @@ pub(crate) struct ImportArguments {
     folder: PathBuf,
     /// Recording to write.
     out: PathBuf,
-    /// [Hz] an image is stamped with its number divided by this.
+    /// `[Hz]` an image is stamped with its number divided by this.
     #[arg(long, default_value_t = 30.0)]
     rate: f64,
-    /// [m] one unit of a pixel.
+    /// `[m]` one unit of a pixel.
     #[arg(long, default_value_t = 0.001)]
     metres_per_unit: f32,
     /// No poses: each image is placed by the floor it shows, on its own.

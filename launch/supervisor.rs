@@ -12,15 +12,15 @@ use std::time::Duration;
 
 /// Pace of the supervisor's own loop.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
-/// [ns] a supervisor that was itself away for longer does not blame its nodes.
+/// `[ns]` a supervisor that was itself away for longer does not blame its nodes.
 const LATE_NS: u64 = 60_000_000;
-/// [ns] time a sweeper has.
+/// `[ns]` time a sweeper has.
 const SWEEP_NS: u64 = 1_500_000_000;
 /// Sweeps that may fail in a row before the run moves to a fresh domain.
 const SWEEPS_MOST: u32 = 3;
-/// [ns] time a node has to leave after SIGTERM.
+/// `[ns]` time a node has to leave after SIGTERM.
 const LEAVE_NS: u64 = 1_500_000_000;
-/// [ns] host time between looks at processor time and memory.
+/// `[ns]` host time between looks at processor time and memory.
 const USAGE_NS: u64 = 1_000_000_000;
 /// Stop order after the proposers: whoever protects the robot leaves late, the recorder last.
 const STOP_ORDER: &[&str] = &["goal", "mapper", "guard", "player", "sim", "driver", "arbiter", "recorder"];

@@ -24,7 +24,7 @@ pub(crate) enum Phase {
 /// What happened to a node, for the log and the summary.
 #[derive(Debug, Clone)]
 pub(crate) struct Event {
-    /// [ns] host time.
+    /// `[ns]` host time.
     pub(crate) host_ns: u64,
     /// The node.
     pub(crate) node: String,

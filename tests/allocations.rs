@@ -52,73 +52,108 @@ fn config<C: serde::de::DeserializeOwned>(node: &str) -> C {
     graph["nodes"][node]["config"].clone().try_into().unwrap()
 }
 
+/// The nodes under test and the messages between them.
+struct Chain {
+    mapper: Mapper,
+    goal: Goal,
+    expert: Expert,
+    policy: Policy,
+    arbiter: Arbiter,
+    local: Box<LocalMap>,
+    safety: Box<SafetyMap>,
+    local_goal: LocalGoal,
+    proposals: [Proposal; 2],
+    command: Command,
+    /// Allocations of mapper, goal, expert and arbiter so far.
+    counts: [u64; 4],
+    /// Allocations of each inference of the policy.
+    inferences: Vec<u64>,
+}
+
+impl Chain {
+    fn new(robot: &Robot) -> Self {
+        Self {
+            mapper: Mapper::new(&config("mapper"), robot).unwrap(),
+            goal: Goal::new(&config("goal"), robot).unwrap(),
+            expert: Expert::new(&config("expert"), robot).unwrap(),
+            policy: Policy::load(sidestep_policy::embedded(), "embedded", robot).unwrap(),
+            arbiter: Arbiter::new(&config("arbiter"), robot, 0).unwrap(),
+            local: Box::default(),
+            safety: Box::default(),
+            local_goal: LocalGoal::default(),
+            proposals: [Proposal::default(); 2],
+            command: Command::default(),
+            counts: [0; 4],
+            inferences: Vec::with_capacity(1000),
+        }
+    }
+
+    fn odometry(&mut self, odometry: &Odometry, ranges: &Ranges, header: &Header) {
+        self.counts[0] += allocations(|| {
+            self.mapper.odometry(odometry);
+            self.mapper.ranges(ranges);
+        });
+        self.counts[1] += allocations(|| self.goal.odometry(odometry, header.sequence));
+        self.counts[3] += allocations(|| {
+            self.arbiter.odometry(odometry, header);
+            self.arbiter.ranges(ranges);
+        });
+    }
+
+    fn frame(&mut self, depth: &DepthFrame, path: &Path, header: &Header) {
+        self.counts[0] += allocations(|| {
+            self.mapper.depth(depth);
+            self.mapper.write_local(&mut self.local);
+            self.mapper.write_safety(&mut self.safety);
+        });
+        let mut status = Status::Ok;
+        self.counts[1] += allocations(|| {
+            self.goal.path(path);
+            status = self.goal.step(&self.local, header.sequence, Status::Ok, &mut self.local_goal);
+        });
+        let [by_policy, by_expert] = &mut self.proposals;
+        let inference = allocations(|| {
+            self.policy.propose(&self.local, &self.local_goal, status, by_policy);
+        });
+        self.inferences.push(inference);
+        self.counts[2] += allocations(|| {
+            self.expert.plan(&self.local, &self.local_goal, status, None, by_expert);
+        });
+        self.counts[3] += allocations(|| {
+            self.arbiter.safety_map(&self.safety, header);
+            self.arbiter.local_goal(&self.local_goal, header);
+            self.arbiter.proposal(Winner::Policy, by_policy, header);
+            self.arbiter.proposal(Winner::Expert, by_expert, header);
+            self.arbiter.step(header.now_ns, false, &mut self.command);
+        });
+    }
+}
+
 #[test]
 fn no_step_allocates_and_the_policy_a_constant() {
     let robot = Robot::from_toml("loomo", include_str!("../launch/robots/loomo.toml")).unwrap();
     let mut simulator = Simulator::configured(&config("sim"), &robot).unwrap();
-    let mut mapper = Mapper::new(&config("mapper"), &robot).unwrap();
-    let mut goal = Goal::new(&config("goal"), &robot).unwrap();
-    let mut expert = Expert::new(&config("expert"), &robot).unwrap();
-    let mut policy = Policy::load(sidestep_policy::embedded(), "embedded", &robot).unwrap();
-    let mut arbiter = Arbiter::new(&config("arbiter"), &robot, 0).unwrap();
-
-    let mut depth: Box<DepthFrame> = Box::default();
-    let mut path: Box<Path> = Box::default();
-    let (mut local, mut safety): (Box<LocalMap>, Box<SafetyMap>) = (Box::default(), Box::default());
-    let (mut odometry, mut ranges, mut local_goal) =
-        (Odometry::default(), Ranges::default(), LocalGoal::default());
-    let (mut by_policy, mut by_expert, mut command) =
-        (Proposal::default(), Proposal::default(), Command::default());
+    let mut chain = Chain::new(&robot);
+    let (mut depth, mut path): (Box<DepthFrame>, Box<Path>) = (Box::default(), Box::default());
+    let (mut odometry, mut ranges) = (Odometry::default(), Ranges::default());
     simulator.path(&mut path);
-    let mut counts = [0u64; 5];
-    let mut inference = Vec::new();
     for frame in 1..=60u64 {
+        let header = |sequence, now_ns| Header { sequence, source_frame: frame, now_ns, ..Header::default() };
         for tick in 0..3 {
             let now_ns = frame * 33_000_000 + tick * 10_000_000;
             simulator.advance(now_ns);
             simulator.odometry(&mut odometry);
             simulator.ranges(&mut ranges);
-            let header =
-                Header { sequence: frame * 3 + tick, source_frame: frame, now_ns, ..Header::default() };
-            counts[0] += allocations(|| mapper.odometry(&odometry));
-            counts[4] += allocations(|| arbiter.odometry(&odometry, &header));
+            chain.odometry(&odometry, &ranges, &header(frame * 3 + tick, now_ns));
         }
         simulator.render(&mut depth);
         let now_ns = frame * 33_000_000 + 20_000_000;
-        let header = Header { sequence: frame, source_frame: frame, now_ns, ..Header::default() };
-        counts[0] += allocations(|| {
-            mapper.ranges(&ranges);
-            mapper.depth(&depth);
-            mapper.write_local(&mut local);
-            mapper.write_safety(&mut safety);
-        });
-        let mut status = Status::Ok;
-        counts[1] += allocations(|| {
-            goal.path(&path);
-            goal.odometry(&odometry, frame);
-            status = goal.step(&local, frame, Status::Ok, &mut local_goal);
-        });
-        let mut of_policy = 0;
-        of_policy += allocations(|| {
-            policy.propose(&local, &local_goal, status, &mut by_policy);
-        });
-        inference.push(of_policy);
-        counts[3] += allocations(|| {
-            expert.plan(&local, &local_goal, status, None, &mut by_expert);
-        });
-        counts[4] += allocations(|| {
-            arbiter.safety_map(&safety, &header);
-            arbiter.local_goal(&local_goal, &header);
-            arbiter.proposal(Winner::Policy, &by_policy, &header);
-            arbiter.proposal(Winner::Expert, &by_expert, &header);
-            arbiter.ranges(&ranges);
-            arbiter.step(now_ns, false, &mut command);
-        });
-        simulator.command(&command, now_ns);
+        chain.frame(&depth, &path, &header(frame, now_ns));
+        simulator.command(&chain.command, now_ns);
     }
     // The first inferences fill tract's own caches.
-    let constant = inference[10];
-    eprintln!("allocations per inference of the policy: {constant}");
-    assert!(inference[10..].iter().all(|&count| count == constant), "{inference:?}");
-    assert_eq!(counts, [0; 5], "mapper, goal, -, expert, arbiter");
+    let settled = &chain.inferences[10..];
+    eprintln!("allocations per inference of the policy: {}", settled[0]);
+    assert!(settled.iter().all(|&count| count == settled[0]), "{:?}", chain.inferences);
+    assert_eq!(chain.counts, [0; 4], "mapper, goal, expert, arbiter");
 }

@@ -5,7 +5,7 @@ use sidestep_msgs::{Robot, Winner};
 use sidestep_sim::{barn_selection, barn_worlds};
 use std::path::PathBuf;
 
-/// [s] time limit of the challenge.
+/// `[s]` time limit of the challenge.
 const LIMIT_S: f64 = 100.0;
 
 /// Every twelfth world of the data folder's sorted list, along its reference path: at least 18 of 20 arrive, none touches.

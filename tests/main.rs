@@ -1,4 +1,11 @@
 //! Scenario tests: the binary as a user runs it, real processes, real shared memory. One index, one binary.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    missing_docs,
+    reason = "a test says what it expects by failing, and what it measured by printing"
+)]
 
 // The rules of the house, read from the text of the tree.
 mod tidy;

@@ -143,7 +143,7 @@ fn every_number_of_a_message_names_its_unit() {
             {
                 above -= 1;
             }
-            if !lines[above..number].iter().any(|comment| comment.trim().starts_with("/// [")) {
+            if !lines[above..number].iter().any(|comment| comment.trim().starts_with("/// `[")) {
                 places.push(format!("{path}:{}: {line}", number + 1));
             }
         }

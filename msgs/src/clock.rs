@@ -19,13 +19,13 @@ record! {
     ///
     /// Writer: `sim`, `player` or a lockstep driver. Readers: every node.
     pub struct Clock("sidestep/Clock/1") {
-        /// [ns] graph time at `host0_ns`.
+        /// `[ns]` graph time at `host0_ns`.
         pub graph0_ns: u64,
-        /// [ns] host time (CLOCK_MONOTONIC) at which `graph0_ns` held.
+        /// `[ns]` host time (CLOCK_MONOTONIC) at which `graph0_ns` held.
         pub host0_ns: u64,
-        /// [ns] graph time now; in lockstep the only time there is.
+        /// `[ns]` graph time now; in lockstep the only time there is.
         pub graph_ns: u64,
-        /// [1] (0, 100] graph seconds per host second.
+        /// `[1]` (0, 100] graph seconds per host second.
         pub rate: f64,
         /// [`ClockMode`].
         pub mode: u32,

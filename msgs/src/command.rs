@@ -3,7 +3,7 @@
 use crate::geometry::Twist;
 use crate::layout::{ZeroCopySend, codes, record};
 
-/// [ns] a command holds this long; then the base brakes by itself.
+/// `[ns]` a command holds this long; then the base brakes by itself.
 pub const VALID_FOR_NS: u64 = 80_000_000;
 /// `limiting_cell` where no cell limits.
 pub const NO_CELL: u32 = u32::MAX;
@@ -105,7 +105,7 @@ record! {
     ///
     /// Frame: `base`. Writer: `arbiter` alone. Reader: the base driver, the operator.
     pub struct Command("sidestep/Command/1") {
-        /// [ns] graph time from which the base must brake unless a newer command arrived.
+        /// `[ns]` graph time from which the base must brake unless a newer command arrived.
         pub valid_until_ns: u64,
         /// Token of the last operator message obeyed; 0 = none.
         pub operator_token: u64,
@@ -113,7 +113,7 @@ record! {
         pub twist: Twist,
         /// What the winner wished.
         pub wish: Twist,
-        /// [1] [0, 1] largest part of the wish that is safe.
+        /// `[1]` `[0, 1]` largest part of the wish that is safe.
         pub scale: f32,
         /// [`Winner`].
         pub winner: u32,
@@ -121,17 +121,17 @@ record! {
         pub reason: u32,
         /// Index of the safety-map cell that limits, or [`NO_CELL`].
         pub limiting_cell: u32,
-        /// [s] age of the safety map from its capture; infinite = never seen.
+        /// `[s]` age of the safety map from its capture; infinite = never seen.
         pub map_age_s: f32,
-        /// [s] age of the local goal from its map's capture.
+        /// `[s]` age of the local goal from its map's capture.
         pub goal_age_s: f32,
-        /// [s] age of the policy's proposal from its map's capture.
+        /// `[s]` age of the policy's proposal from its map's capture.
         pub policy_age_s: f32,
-        /// [s] age of the expert's proposal from its map's capture.
+        /// `[s]` age of the expert's proposal from its map's capture.
         pub expert_age_s: f32,
-        /// [s] age of the odometry.
+        /// `[s]` age of the odometry.
         pub odometry_age_s: f32,
-        /// [s] age of the operator's wish.
+        /// `[s]` age of the operator's wish.
         pub teleop_age_s: f32,
         /// 1 on the first command that answers its source frame.
         pub answers: u32,

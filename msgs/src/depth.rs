@@ -13,27 +13,27 @@ record! {
     ///
     /// Frame: pixels in `camera` (optical), the camera in `body`. Writer: the depth driver. Reader: `mapper`.
     pub struct DepthFrame("sidestep/DepthFrame/1") {
-        /// [ns] graph time of the exposure; a driver that stamps on arrival subtracts its capture latency first.
+        /// `[ns]` graph time of the exposure; a driver that stamps on arrival subtracts its capture latency first.
         pub capture_ns: u64,
-        /// [px] [16, 640] columns used.
+        /// `[px]` `[16, 640]` columns used.
         pub width: u32,
-        /// [px] [16, 480] rows used.
+        /// `[px]` `[16, 480]` rows used.
         pub height: u32,
-        /// [m] (0, 0.1] metres per unit of a pixel.
+        /// `[m]` (0, 0.1] metres per unit of a pixel.
         pub metres_per_unit: f32,
-        /// [px] focal length along x.
+        /// `[px]` focal length along x.
         pub fx_px: f32,
-        /// [px] focal length along y.
+        /// `[px]` focal length along y.
         pub fy_px: f32,
-        /// [px] principal point, column.
+        /// `[px]` principal point, column.
         pub cx_px: f32,
-        /// [px] principal point, row.
+        /// `[px]` principal point, row.
         pub cy_px: f32,
-        /// [s] part of the capture stamp that is an estimate of the driver; 0 = stamped by the sensor.
+        /// `[s]` part of the capture stamp that is an estimate of the driver; 0 = stamped by the sensor.
         pub capture_latency_s: f32,
         /// Pose of `camera` in `body` at the capture stamp.
         pub camera: Isometry,
-        /// [metres_per_unit] row by row, `width` per row; 0 = no measurement, 65535 = saturated; rest of the array zero.
+        /// `[metres_per_unit]` row by row, `width` per row; 0 = no measurement, 65535 = saturated; rest of the array zero.
         pub pixels: [u16; DEPTH_PIXELS],
     }
 }
@@ -45,13 +45,13 @@ record! {
     ///
     /// Frame: `base`. Writer: `guard`. Reader: `arbiter`.
     pub struct NearField("sidestep/NearField/1") {
-        /// [ns] graph time of the exposure.
+        /// `[ns]` graph time of the exposure.
         pub capture_ns: u64,
-        /// [m] nearest range per sector, sector 0 at the left edge of the view; infinite = nothing, NaN = not seen.
+        /// `[m]` nearest range per sector, sector 0 at the left edge of the view; infinite = nothing, NaN = not seen.
         pub range_m: [f32; NEAR_SECTORS],
-        /// [rad] bearing of the left edge of sector 0.
+        /// `[rad]` bearing of the left edge of sector 0.
         pub left_rad: f32,
-        /// [rad] width of one sector.
+        /// `[rad]` width of one sector.
         pub sector_rad: f32,
     }
 }

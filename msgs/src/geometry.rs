@@ -8,11 +8,11 @@ use std::f64::consts::PI;
 record! {
     /// A pose in the plane.
     pub struct Pose2 {
-        /// [m] along x of the parent frame.
+        /// `[m]` along x of the parent frame.
         pub x_m: f64,
-        /// [m] along y of the parent frame.
+        /// `[m]` along y of the parent frame.
         pub y_m: f64,
-        /// [rad] (-pi, pi] counter-clockwise from the parent's x axis.
+        /// `[rad]` (-pi, pi] counter-clockwise from the parent's x axis.
         pub yaw_rad: f64,
     }
 }
@@ -20,9 +20,9 @@ record! {
 record! {
     /// A velocity of a differential drive, in `base`.
     pub struct Twist {
-        /// [m/s] forward speed.
+        /// `[m/s]` forward speed.
         pub v_m_s: f32,
-        /// [rad/s] turn rate, counter-clockwise.
+        /// `[rad/s]` turn rate, counter-clockwise.
         pub w_rad_s: f32,
     }
 }
@@ -30,9 +30,9 @@ record! {
 record! {
     /// A rigid transform in space: a point p of the child frame lies at R p + t in the parent frame.
     pub struct Isometry {
-        /// [m] t, the child's origin in the parent frame.
+        /// `[m]` t, the child's origin in the parent frame.
         pub translation_m: [f32; 3],
-        /// [1] unit quaternion (x, y, z, w) of R.
+        /// `[1]` unit quaternion (x, y, z, w) of R.
         pub rotation_xyzw: [f32; 4],
         /// Zero.
         pub _pad: u32,
@@ -231,9 +231,10 @@ mod tests {
         let turn =
             |pose: &Isometry, p: [f32; 3]| pose.rotation().map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2]);
         let level = Isometry::camera(0.0, 0.0, 0.5, 0.0);
-        assert_eq!(turn(&level, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]);
-        assert_eq!(turn(&level, [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]);
-        assert_eq!(turn(&level, [0.0, 1.0, 0.0]), [0.0, 0.0, -1.0]);
+        let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(near(turn(&level, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]));
+        assert!(near(turn(&level, [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]));
+        assert!(near(turn(&level, [0.0, 1.0, 0.0]), [0.0, 0.0, -1.0]));
         let down = turn(&Isometry::camera(0.0, 0.0, 0.5, 0.1), [0.0, 0.0, 1.0]);
         assert!(
             (down[0] - libm::cosf(0.1)).abs() < 1e-6 && (down[2] + libm::sinf(0.1)).abs() < 1e-6,

@@ -23,7 +23,7 @@ record! {
     /// Frame: `base` at `capture_ns`. Writer: `goal`, one per local map. Readers: `policy`, `expert`, `arbiter`.
     /// Policy and expert read nothing else than this and the map that it names, so both see the same state.
     pub struct LocalGoal("sidestep/LocalGoal/1") {
-        /// [ns] graph time of the map that this belongs to.
+        /// `[ns]` graph time of the map that this belongs to.
         pub capture_ns: u64,
         /// Sequence of that map.
         pub map_sequence: u64,
@@ -33,21 +33,21 @@ record! {
         pub pose: Pose2,
         /// u': the velocity to be used for this frame.
         pub twist: Twist,
-        /// [m] the goal, x; may lie outside the map.
+        /// `[m]` the goal, x; may lie outside the map.
         pub x_m: f32,
-        /// [m] the goal, y.
+        /// `[m]` the goal, y.
         pub y_m: f32,
-        /// [m] centre of `cell`, x: the goal as the network sees it and the expert plans on it (paper eq. 3).
+        /// `[m]` centre of `cell`, x: the goal as the network sees it and the expert plans on it (paper eq. 3).
         pub cell_x_m: f32,
-        /// [m] centre of `cell`, y.
+        /// `[m]` centre of `cell`, y.
         pub cell_y_m: f32,
         /// Index of the cell of the local map that holds the goal, or of its projection to the border.
         pub cell: u32,
         /// [`GoalKind`].
         pub kind: u32,
-        /// [m] path left to the goal; NaN where there is none.
+        /// `[m]` path left to the goal; NaN where there is none.
         pub remaining_m: f32,
-        /// [m] path driven.
+        /// `[m]` path driven.
         pub progress_m: f32,
     }
 }

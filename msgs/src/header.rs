@@ -80,9 +80,9 @@ record! {
 record! {
     /// Host-time stamps (CLOCK_MONOTONIC) of one stage; for latency only, never for decisions.
     pub struct StageStamp {
-        /// [ns] host time right after the input was received; 0 = stage not passed.
+        /// `[ns]` host time right after the input was received; 0 = stage not passed.
         pub receive_ns: u64,
-        /// [ns] host time right before the output was sent; 0 = stage not passed.
+        /// `[ns]` host time right before the output was sent; 0 = stage not passed.
         pub send_ns: u64,
     }
 }
@@ -96,7 +96,7 @@ record! {
         pub sequence: u64,
         /// Sequence of the depth frame (or scan) that this is about, the join key; 0 = none.
         pub source_frame: u64,
-        /// [ns] graph time that the step read as its only time.
+        /// `[ns]` graph time that the step read as its only time.
         pub now_ns: u64,
         /// Raised when playback loops or seeks; every node resets.
         pub epoch: u32,

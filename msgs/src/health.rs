@@ -28,9 +28,9 @@ record! {
         pub misses: u64,
         /// Source frame of the last step.
         pub last_frame: u64,
-        /// [s] longest step since the previous heartbeat, host time.
+        /// `[s]` longest step since the previous heartbeat, host time.
         pub worst_step_s: f32,
-        /// [s] mean step since the start, host time.
+        /// `[s]` mean step since the start, host time.
         pub mean_step_s: f32,
         /// [`NodeState`].
         pub state: u32,

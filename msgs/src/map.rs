@@ -21,11 +21,11 @@ pub const AGE_OLDER: u8 = 254;
 pub struct Grid {
     /// Cells along a side.
     pub side: usize,
-    /// [m] side of a cell.
+    /// `[m]` side of a cell.
     pub cell_m: f32,
-    /// [m] x of the rear edge.
+    /// `[m]` x of the rear edge.
     pub rear_m: f32,
-    /// [m] y of the right edge.
+    /// `[m]` y of the right edge.
     pub right_m: f32,
 }
 
@@ -60,13 +60,13 @@ impl Grid {
         (self.rear_m + forward * self.cell_m, self.right_m + left * self.cell_m)
     }
 
-    /// [m] x of the front edge.
+    /// `[m]` x of the front edge.
     #[must_use]
     pub fn front_m(&self) -> f32 {
         self.rear_m + self.side as f32 * self.cell_m
     }
 
-    /// [m] y of the left edge.
+    /// `[m]` y of the left edge.
     #[must_use]
     pub fn left_m(&self) -> f32 {
         self.right_m + self.side as f32 * self.cell_m
@@ -85,7 +85,7 @@ record! {
     /// Frame: `base` at `capture_ns`; geometry [`LOCAL_GRID`]. Writer: `mapper`, one per depth frame.
     /// Readers: `goal`, `policy`, `expert`.
     pub struct LocalMap("sidestep/LocalMap/1") {
-        /// [ns] graph time at which the camera saw this.
+        /// `[ns]` graph time at which the camera saw this.
         pub capture_ns: u64,
         /// Pose of `base` in `odom` used for this map.
         pub pose: Pose2,
@@ -93,11 +93,11 @@ record! {
         pub pose_epoch: u32,
         /// Frames refused since the mapper started.
         pub refused: u32,
-        /// [1/255] [0, 255] probability that a cell is occupied; 128 where unknown.
+        /// `[1/255]` `[0, 255]` probability that a cell is occupied; 128 where unknown.
         pub occupancy: [u8; LOCAL_CELLS],
-        /// [1/255] [0, 255] m_o of eq. (3): occupancy widened by the robot's half-width.
+        /// `[1/255]` `[0, 255]` m_o of eq. (3): occupancy widened by the robot's half-width.
         pub planning_cost: [u8; LOCAL_CELLS],
-        /// [0.1 s] [0, 253] time since the cell was seen; 254 older, 255 never.
+        /// `[0.1 s]` `[0, 253]` time since the cell was seen; 254 older, 255 never.
         pub age: [u8; LOCAL_CELLS],
     }
 }
@@ -110,7 +110,7 @@ record! {
     /// Frame: `base` at `capture_ns`; geometry [`SAFETY_GRID`]. Writer: `mapper`. Reader: `arbiter`, nothing else.
     /// Occupancy is the maximum and age the oldest of all odom cells overlapped; a cell is free only if all are.
     pub struct SafetyMap("sidestep/SafetyMap/1") {
-        /// [ns] graph time at which the camera saw this.
+        /// `[ns]` graph time at which the camera saw this.
         pub capture_ns: u64,
         /// Pose of `base` in `odom` used for this map.
         pub pose: Pose2,
@@ -118,9 +118,9 @@ record! {
         pub pose_epoch: u32,
         /// Frames refused since the mapper started.
         pub refused: u32,
-        /// [1/255] [0, 255] probability that a cell is occupied.
+        /// `[1/255]` `[0, 255]` probability that a cell is occupied.
         pub occupancy: [u8; SAFETY_CELLS],
-        /// [0.1 s] [0, 253] time since the cell was seen; 254 older, 255 never.
+        /// `[0.1 s]` `[0, 253]` time since the cell was seen; 254 older, 255 never.
         pub age: [u8; SAFETY_CELLS],
     }
 }

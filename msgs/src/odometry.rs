@@ -12,19 +12,19 @@ record! {
     /// Frame: pose of `base` in `odom`; roll and pitch of `body` in `base`. Writer: the base driver.
     /// Readers: `mapper`, `goal`, `arbiter`.
     pub struct Odometry("sidestep/Odometry/1") {
-        /// [ns] graph time of the measurement.
+        /// `[ns]` graph time of the measurement.
         pub stamp_ns: u64,
         /// Pose of `base` in `odom`.
         pub pose: Pose2,
         /// Velocity in `base`.
         pub twist: Twist,
-        /// [rad] roll of `body`, right side down positive (REP-103: about x).
+        /// `[rad]` roll of `body`, right side down positive (REP-103: about x).
         pub roll_rad: f32,
-        /// [rad] pitch of `body`, nose down positive (REP-103: about y).
+        /// `[rad]` pitch of `body`, nose down positive (REP-103: about y).
         pub pitch_rad: f32,
-        /// [m^2, m^2, rad^2] variances of x, y and yaw since the start.
+        /// `[m^2, m^2, rad^2]` variances of x, y and yaw since the start.
         pub variance: [f32; 3],
-        /// [0, 1] 1 = the wheels slip and the twist cannot be trusted.
+        /// `[0, 1]` 1 = the wheels slip and the twist cannot be trusted.
         pub slip: u32,
         /// Raised at each jump of the pose; what was placed in an earlier epoch is void.
         pub pose_epoch: u32,
@@ -36,19 +36,19 @@ record! {
 record! {
     /// One ultrasonic reading with its mounting.
     pub struct Range {
-        /// [m] mounting along x of `base`.
+        /// `[m]` mounting along x of `base`.
         pub x_m: f32,
-        /// [m] mounting along y of `base`.
+        /// `[m]` mounting along y of `base`.
         pub y_m: f32,
-        /// [rad] bearing of the cone's axis in `base`.
+        /// `[rad]` bearing of the cone's axis in `base`.
         pub yaw_rad: f32,
-        /// [rad] full opening of the cone.
+        /// `[rad]` full opening of the cone.
         pub field_of_view_rad: f32,
-        /// [m] nearest distance that can be measured.
+        /// `[m]` nearest distance that can be measured.
         pub near_m: f32,
-        /// [m] farthest distance that can be measured.
+        /// `[m]` farthest distance that can be measured.
         pub far_m: f32,
-        /// [m] distance to the nearest thing in the cone; infinite = nothing, NaN = no measurement.
+        /// `[m]` distance to the nearest thing in the cone; infinite = nothing, NaN = no measurement.
         pub range_m: f32,
         /// Zero.
         pub _pad: u32,
@@ -60,9 +60,9 @@ record! {
     ///
     /// Frame: `base`. Writer: the base driver. Readers: `mapper`, `arbiter`.
     pub struct Ranges("sidestep/Ranges/1") {
-        /// [ns] graph time of the measurement.
+        /// `[ns]` graph time of the measurement.
         pub stamp_ns: u64,
-        /// [0, 8] sensors used.
+        /// `[0, 8]` sensors used.
         pub count: u32,
         /// Zero.
         pub _pad: u32,

@@ -7,11 +7,11 @@ record! {
     ///
     /// Frame: `base`. Writer: the operator. Reader: `arbiter`.
     pub struct Teleop("sidestep/Teleop/1") {
-        /// [ns] graph time of the wish.
+        /// `[ns]` graph time of the wish.
         pub stamp_ns: u64,
-        /// [m/s] forward speed.
+        /// `[m/s]` forward speed.
         pub v_m_s: f32,
-        /// [rad/s] turn rate.
+        /// `[rad/s]` turn rate.
         pub w_rad_s: f32,
         /// 1 while the dead man's switch is held; 0 releases the robot to the graph.
         pub dead_man: u32,

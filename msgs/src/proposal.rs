@@ -6,7 +6,7 @@ use crate::robot::Limits;
 
 /// Most poses of a proposed trajectory.
 pub const TRAJECTORY_MAX: usize = 32;
-/// [s] the window of the label: a proposal is a velocity reachable within this time from u'.
+/// `[s]` the window of the label: a proposal is a velocity reachable within this time from u'.
 pub const WINDOW_S: f32 = 0.3;
 
 record! {
@@ -15,27 +15,27 @@ record! {
     /// Frame: `base`; trajectory in `base` at `capture_ns`. Writers: `policy` and `expert`, each on its own topic.
     /// Reader: `arbiter`.
     pub struct Proposal("sidestep/Proposal/1") {
-        /// [ns] graph time of the map that this answers.
+        /// `[ns]` graph time of the map that this answers.
         pub capture_ns: u64,
         /// The proposed velocity, within the window around u'.
         pub twist: Twist,
-        /// [m/s] expected error of v; NaN where the proposer has no measure of doubt.
+        /// `[m/s]` expected error of v; NaN where the proposer has no measure of doubt.
         pub doubt_v_m_s: f32,
-        /// [rad/s] expected error of w; NaN where the proposer has no measure of doubt.
+        /// `[rad/s]` expected error of w; NaN where the proposer has no measure of doubt.
         pub doubt_w_rad_s: f32,
-        /// [1] cost J of eq. (6) of the proposal; NaN for the policy.
+        /// `[1]` cost J of eq. (6) of the proposal; NaN for the policy.
         pub cost: f32,
         /// Candidates evaluated; 0 for the policy.
         pub evaluated: u32,
-        /// [0, 32] poses used in the trajectory.
+        /// `[0, 32]` poses used in the trajectory.
         pub trajectory_count: u32,
         /// Zero.
         pub _pad: u32,
-        /// [m] x of each pose, one per 0.1 s, the first at 0.1 s.
+        /// `[m]` x of each pose, one per 0.1 s, the first at 0.1 s.
         pub trajectory_x_m: [f32; TRAJECTORY_MAX],
-        /// [m] y of each pose.
+        /// `[m]` y of each pose.
         pub trajectory_y_m: [f32; TRAJECTORY_MAX],
-        /// [rad] yaw of each pose.
+        /// `[rad]` yaw of each pose.
         pub trajectory_yaw_rad: [f32; TRAJECTORY_MAX],
     }
 }

@@ -19,7 +19,7 @@ pub const DEPTH_REST_BYTES: usize = offset_of!(DepthFrame, pixels);
 pub const LAYOUT_HASH_KEY: &str = "layout_hash";
 /// Metadata record with what the recording was made from.
 pub const ORIGIN_RECORD: &str = "sidestep";
-/// In [`ORIGIN_RECORD`]: [ns] to add to host time (CLOCK_MONOTONIC) for wall time.
+/// In [`ORIGIN_RECORD`]: `[ns]` to add to host time (CLOCK_MONOTONIC) for wall time.
 pub const MONO_TO_WALL_KEY: &str = "mono_to_wall_ns";
 /// Metadata record, written at the end, with the number of messages per topic that the recorder lost.
 pub const LOST_RECORD: &str = "sidestep.lost";

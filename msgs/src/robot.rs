@@ -54,25 +54,25 @@ fn sourced<'de, T: Deserialize<'de>, D: Deserializer<'de>>(deserializer: D) -> R
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
-    /// [m/s] fastest forward.
+    /// `[m/s]` fastest forward.
     #[serde(deserialize_with = "sourced")]
     pub forward_m_s: f32,
-    /// [m/s] fastest in reverse, positive.
+    /// `[m/s]` fastest in reverse, positive.
     #[serde(deserialize_with = "sourced")]
     pub reverse_m_s: f32,
-    /// [rad/s] fastest turn.
+    /// `[rad/s]` fastest turn.
     #[serde(deserialize_with = "sourced")]
     pub turn_rad_s: f32,
-    /// [m/s^2] strongest acceleration commanded.
+    /// `[m/s^2]` strongest acceleration commanded.
     #[serde(deserialize_with = "sourced")]
     pub accelerate_m_s2: f32,
-    /// [m/s^2] braking that can be relied on.
+    /// `[m/s^2]` braking that can be relied on.
     #[serde(deserialize_with = "sourced")]
     pub brake_m_s2: f32,
-    /// [rad/s^2] strongest change of the turn rate, both ways.
+    /// `[rad/s^2]` strongest change of the turn rate, both ways.
     #[serde(deserialize_with = "sourced")]
     pub turn_accelerate_rad_s2: f32,
-    /// [m/s^3] strongest change of acceleration in comfort; emergencies ignore it.
+    /// `[m/s^3]` strongest change of acceleration in comfort; emergencies ignore it.
     #[serde(deserialize_with = "sourced")]
     pub comfort_jerk_m_s3: f32,
 }
@@ -81,7 +81,7 @@ pub struct Limits {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Footprint {
-    /// [m] corners (x, y) in `base`, counter-clockwise, convex, 3 to 8 of them.
+    /// `[m]` corners (x, y) in `base`, counter-clockwise, convex, 3 to 8 of them.
     #[serde(deserialize_with = "sourced")]
     pub polygon_m: Vec<[f32; 2]>,
 }
@@ -90,37 +90,37 @@ pub struct Footprint {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// [m] mounting ahead of the axle.
+    /// `[m]` mounting ahead of the axle.
     #[serde(deserialize_with = "sourced")]
     pub forward_m: f32,
-    /// [m] mounting above the floor.
+    /// `[m]` mounting above the floor.
     #[serde(deserialize_with = "sourced")]
     pub height_m: f32,
-    /// [rad] pitch down.
+    /// `[rad]` pitch down.
     #[serde(deserialize_with = "sourced")]
     pub pitch_down_rad: f32,
-    /// [px] columns.
+    /// `[px]` columns.
     #[serde(deserialize_with = "sourced")]
     pub width_px: u32,
-    /// [px] rows.
+    /// `[px]` rows.
     #[serde(deserialize_with = "sourced")]
     pub height_px: u32,
-    /// [px] focal length, both axes.
+    /// `[px]` focal length, both axes.
     #[serde(deserialize_with = "sourced")]
     pub focal_px: f32,
-    /// [m] nearest depth.
+    /// `[m]` nearest depth.
     #[serde(deserialize_with = "sourced")]
     pub near_m: f32,
-    /// [m] farthest depth used.
+    /// `[m]` farthest depth used.
     #[serde(deserialize_with = "sourced")]
     pub far_m: f32,
-    /// [m] stereo baseline.
+    /// `[m]` stereo baseline.
     #[serde(deserialize_with = "sourced")]
     pub baseline_m: f32,
-    /// [px] standard deviation of the disparity.
+    /// `[px]` standard deviation of the disparity.
     #[serde(deserialize_with = "sourced")]
     pub disparity_sigma_px: f32,
-    /// [Hz] frames per second.
+    /// `[Hz]` frames per second.
     #[serde(deserialize_with = "sourced")]
     pub rate_hz: f32,
 }
@@ -129,28 +129,28 @@ pub struct Camera {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lidar {
-    /// [m] mounting ahead of the axle.
+    /// `[m]` mounting ahead of the axle.
     #[serde(deserialize_with = "sourced")]
     pub forward_m: f32,
-    /// [m] height of the scan plane.
+    /// `[m]` height of the scan plane.
     #[serde(deserialize_with = "sourced")]
     pub height_m: f32,
-    /// [rad] full field of view, centred ahead.
+    /// `[rad]` full field of view, centred ahead.
     #[serde(deserialize_with = "sourced")]
     pub field_of_view_rad: f32,
     /// Beams of a sweep.
     #[serde(deserialize_with = "sourced")]
     pub beams: u32,
-    /// [m] nearest range.
+    /// `[m]` nearest range.
     #[serde(deserialize_with = "sourced")]
     pub near_m: f32,
-    /// [m] farthest range.
+    /// `[m]` farthest range.
     #[serde(deserialize_with = "sourced")]
     pub far_m: f32,
-    /// [m] standard deviation of a range.
+    /// `[m]` standard deviation of a range.
     #[serde(deserialize_with = "sourced")]
     pub sigma_m: f32,
-    /// [Hz] sweeps per second.
+    /// `[Hz]` sweeps per second.
     #[serde(deserialize_with = "sourced")]
     pub rate_hz: f32,
 }
@@ -159,19 +159,19 @@ pub struct Lidar {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ultrasonic {
-    /// [m] mounting along x of `base`.
+    /// `[m]` mounting along x of `base`.
     pub x_m: f32,
-    /// [m] mounting along y of `base`.
+    /// `[m]` mounting along y of `base`.
     pub y_m: f32,
-    /// [m] mounting above the floor.
+    /// `[m]` mounting above the floor.
     pub height_m: f32,
-    /// [rad] bearing of the cone's axis.
+    /// `[rad]` bearing of the cone's axis.
     pub yaw_rad: f32,
-    /// [rad] full opening of the cone.
+    /// `[rad]` full opening of the cone.
     pub field_of_view_rad: f32,
-    /// [m] nearest distance.
+    /// `[m]` nearest distance.
     pub near_m: f32,
-    /// [m] farthest distance.
+    /// `[m]` farthest distance.
     pub far_m: f32,
 }
 
@@ -179,31 +179,31 @@ pub struct Ultrasonic {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Actuator {
-    /// [s] shortest time from command to first effect.
+    /// `[s]` shortest time from command to first effect.
     #[serde(deserialize_with = "sourced")]
     pub dead_time_min_s: f32,
-    /// [s] longest time from command to first effect.
+    /// `[s]` longest time from command to first effect.
     #[serde(deserialize_with = "sourced")]
     pub dead_time_max_s: f32,
-    /// [s] time constant of the first-order response.
+    /// `[s]` time constant of the first-order response.
     #[serde(deserialize_with = "sourced")]
     pub lag_s: f32,
-    /// [m/s^2] weakest braking the base shows.
+    /// `[m/s^2]` weakest braking the base shows.
     #[serde(deserialize_with = "sourced")]
     pub brake_min_m_s2: f32,
-    /// [m/s^2] strongest braking the base shows.
+    /// `[m/s^2]` strongest braking the base shows.
     #[serde(deserialize_with = "sourced")]
     pub brake_max_m_s2: f32,
-    /// [m/s] error of the speed followed.
+    /// `[m/s]` error of the speed followed.
     #[serde(deserialize_with = "sourced")]
     pub tracking_m_s: f32,
-    /// [rad/s] error of the turn rate followed.
+    /// `[rad/s]` error of the turn rate followed.
     #[serde(deserialize_with = "sourced")]
     pub tracking_rad_s: f32,
-    /// [s] silence after which the base brakes by itself.
+    /// `[s]` silence after which the base brakes by itself.
     #[serde(deserialize_with = "sourced")]
     pub watchdog_s: f32,
-    /// [rad] pitch per forward acceleration: a self-balancing base leans; radians per m/s^2.
+    /// `[rad]` pitch per forward acceleration: a self-balancing base leans; radians per m/s^2.
     #[serde(deserialize_with = "sourced")]
     pub pitch_rad_per_m_s2: f32,
 }
@@ -212,16 +212,16 @@ pub struct Actuator {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// [m] radius of the disc round the start that the operator grants to be free.
+    /// `[m]` radius of the disc round the start that the operator grants to be free.
     #[serde(deserialize_with = "sourced")]
     pub disc_m: f32,
-    /// [m/m] growth of the pose error with distance.
+    /// `[m/m]` growth of the pose error with distance.
     #[serde(deserialize_with = "sourced")]
     pub drift_per_m: f32,
-    /// [rad/rad] growth of the heading error with turning.
+    /// `[rad/rad]` growth of the heading error with turning.
     #[serde(deserialize_with = "sourced")]
     pub drift_per_rad: f32,
-    /// [m/s] fastest mover assumed in the visible sector; 0 = a static world.
+    /// `[m/s]` fastest mover assumed in the visible sector; 0 = a static world.
     #[serde(deserialize_with = "sourced")]
     pub mover_m_s: f32,
 }
@@ -315,13 +315,13 @@ impl Robot {
         Ok(())
     }
 
-    /// [m] half of the footprint's width.
+    /// `[m]` half of the footprint's width.
     #[must_use]
     pub fn half_width_m(&self) -> f32 {
         self.footprint.polygon_m.iter().fold(0.0, |most, corner| most.max(corner[1].abs()))
     }
 
-    /// [m] radius of the circle round the axle that holds the footprint.
+    /// `[m]` radius of the circle round the axle that holds the footprint.
     #[must_use]
     pub fn radius_m(&self) -> f32 {
         self.footprint.polygon_m.iter().fold(0.0, |most, corner| most.max(libm::hypotf(corner[0], corner[1])))

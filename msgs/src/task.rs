@@ -8,9 +8,9 @@ pub const PATH_POINTS: usize = 1024;
 record! {
     /// One waypoint.
     pub struct PathPoint {
-        /// [m] along x of `odom`.
+        /// `[m]` along x of `odom`.
         pub x_m: f32,
-        /// [m] along y of `odom`.
+        /// `[m]` along y of `odom`.
         pub y_m: f32,
     }
 }
@@ -22,7 +22,7 @@ record! {
     pub struct Path("sidestep/Path/1") {
         /// Names the path; a new number starts progress afresh, the same number keeps it.
         pub id: u64,
-        /// [0, 1024] points used; 0 = no path.
+        /// `[0, 1024]` points used; 0 = no path.
         pub count: u32,
         /// Pose epoch of the odometry in which the points hold.
         pub pose_epoch: u32,
@@ -48,17 +48,17 @@ record! {
     ///
     /// Frame: `odom`. Writer: the tracker. Reader: `goal`.
     pub struct Target("sidestep/Target/1") {
-        /// [ns] graph time of the observation.
+        /// `[ns]` graph time of the observation.
         pub stamp_ns: u64,
-        /// [m] along x.
+        /// `[m]` along x.
         pub x_m: f32,
-        /// [m] along y.
+        /// `[m]` along y.
         pub y_m: f32,
-        /// [m/s] velocity along x.
+        /// `[m/s]` velocity along x.
         pub vx_m_s: f32,
-        /// [m/s] velocity along y.
+        /// `[m/s]` velocity along y.
         pub vy_m_s: f32,
-        /// [1] [0, 1] trust of the tracker.
+        /// `[1]` `[0, 1]` trust of the tracker.
         pub confidence: f32,
         /// [`TargetState`].
         pub state: u32,

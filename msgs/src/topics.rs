@@ -24,7 +24,7 @@ pub struct TopicRow {
     pub size: usize,
     /// The one node (or kind of driver) that writes it.
     pub writer: &'static str,
-    /// [Hz] nominal rate; 0 = on demand.
+    /// `[Hz]` nominal rate; 0 = on demand.
     pub rate_hz: f32,
     /// Messages kept per reader.
     pub buffer: usize,

@@ -3,13 +3,13 @@
 use sidestep_msgs::{DepthFrame, Pose2};
 use std::collections::VecDeque;
 
-/// [m] side of a cell, aligned with odom.
+/// `[m]` side of a cell, aligned with odom.
 pub(crate) const CELL_M: f64 = 0.05;
 /// Cells along a side: 50 m.
 const SIDE: usize = 1000;
 /// Images fused.
 const WINDOW: usize = 40;
-/// [m] points used: within what the mapper uses, with a margin for what lies on its limits.
+/// `[m]` points used: within what the mapper uses, with a margin for what lies on its limits.
 const RANGE_M: std::ops::Range<f64> = 0.45..3.3;
 /// Images in which an obstacle must show for the cell to count.
 const OBSTACLE_IMAGES: u16 = 4;

@@ -23,7 +23,7 @@ pub(crate) struct Label {
     pub(crate) image: usize,
     pub(crate) name: String,
     pub(crate) is: Thing,
-    /// [px] left, top, right, bottom.
+    /// `[px]` left, top, right, bottom.
     rectangle: [usize; 4],
 }
 

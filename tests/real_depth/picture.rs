@@ -3,7 +3,7 @@
 use super::batch::{Batch, Seen};
 use sidestep_msgs::{AGE_NEVER, DepthFrame, SAFETY_GRID, SAFETY_SIDE, SafetyMap};
 
-/// [px] side of a cell.
+/// `[px]` side of a cell.
 const SCALE: usize = 6;
 
 fn write(name: &str, width: usize, height: usize, rgb: &[u8]) {

@@ -11,13 +11,13 @@ const AHEAD_COS: f32 = 0.5;
 /// What the direct sensors allow along one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Ahead {
-    /// [m/s] fastest speed from which the robot still stops, all delays counted.
+    /// `[m/s]` fastest speed from which the robot still stops, all delays counted.
     pub(crate) speed_m_s: f32,
     /// Whether the robot could not stop any more even if it braked at once.
     pub(crate) emergency: bool,
 }
 
-/// [m] free distance from the outline to the nearest thing ahead (`sign` = 1) or behind (-1), and its age [s].
+/// `[m]` free distance from the outline to the nearest thing ahead (`sign` = 1) or behind (-1), and its age `[s]`.
 fn gap(inputs: &Inputs, config: &Config, outline: &Outline, now_ns: u64, sign: f32) -> Option<(f32, f32)> {
     let edge_m = if sign > 0.0 { outline.front_m } else { outline.rear_m };
     let mut nearest: Option<(f32, f32)> = None;

@@ -16,11 +16,11 @@ use sidestep_msgs::{
     SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner,
 };
 
-/// [s] a tick later than this does not allow a larger change of the command.
+/// `[s]` a tick later than this does not allow a larger change of the command.
 const LATE_S: f32 = 0.02;
-/// [s] time of a step whose clock did not run forward.
+/// `[s]` time of a step whose clock did not run forward.
 const TICK_S: f32 = 0.01;
-/// [m/s] and [rad/s] measured rest.
+/// `[m/s]` and [rad/s] measured rest.
 const REST_M_S: f32 = 0.03;
 const REST_RAD_S: f32 = 0.06;
 
@@ -214,7 +214,7 @@ impl Arbiter {
         status
     }
 
-    /// Brings the time forward; returns how long [s] the last command has been in force for the limits.
+    /// Brings the time forward; returns how long `[s]` the last command has been in force for the limits.
     fn begin(&mut self, now_ns: u64, open_loop: bool) -> f32 {
         let memory = &mut self.memory;
         memory.open_loop = u32::from(open_loop);

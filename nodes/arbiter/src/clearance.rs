@@ -36,11 +36,11 @@ pub(crate) struct Outline {
     count: usize,
     radius_m: f32,
     outward_most: f32,
-    /// [m] farthest point ahead.
+    /// `[m]` farthest point ahead.
     pub(crate) front_m: f32,
-    /// [m] farthest point behind, positive.
+    /// `[m]` farthest point behind, positive.
     pub(crate) rear_m: f32,
-    /// [m] half of the width.
+    /// `[m]` half of the width.
     pub(crate) half_width_m: f32,
 }
 
@@ -86,7 +86,7 @@ impl Outline {
         Ok(outline)
     }
 
-    /// [m] radius round the axle that holds the outline widened by `margin_m`.
+    /// `[m]` radius round the axle that holds the outline widened by `margin_m`.
     pub(crate) fn radius_m(&self, margin_m: f32) -> f32 {
         self.radius_m + self.outward_most * margin_m.max(0.0)
     }
@@ -286,7 +286,7 @@ impl FreeSpace {
         }
     }
 
-    /// [m] every point nearer than this to (x, y) is known free; 0 where not even its own cell is.
+    /// `[m]` every point nearer than this to (x, y) is known free; 0 where not even its own cell is.
     pub(crate) fn clearance_m(&self, x_m: f32, y_m: f32) -> f32 {
         let (row, bit) = (libm::floorf(x_m * CELLS_PER_M) + HALF, libm::floorf(y_m * CELLS_PER_M) + HALF);
         let side = SAFETY_SIDE as f32;

@@ -45,57 +45,57 @@ pub struct Config {
     /// Key `resume` at the top of the graph file.
     #[serde(skip)]
     pub resume: Resume,
-    /// [s] oldest map, from its capture stamp: three frame periods.
+    /// `[s]` oldest map, from its capture stamp: three frame periods.
     pub map_age_s: f32,
-    /// [s] oldest local goal, from the capture stamp of its map.
+    /// `[s]` oldest local goal, from the capture stamp of its map.
     pub goal_age_s: f32,
-    /// [s] oldest proposal, from the capture stamp of its map.
+    /// `[s]` oldest proposal, from the capture stamp of its map.
     pub proposal_age_s: f32,
-    /// [s] oldest odometry.
+    /// `[s]` oldest odometry.
     pub odometry_age_s: f32,
-    /// [s] oldest wish of the operator.
+    /// `[s]` oldest wish of the operator.
     pub teleop_age_s: f32,
-    /// [s] oldest ultrasonic reading; older ones are ignored, since the map holds them too.
+    /// `[s]` oldest ultrasonic reading; older ones are ignored, since the map holds them too.
     pub ranges_age_s: f32,
-    /// [s] oldest near field, once one came.
+    /// `[s]` oldest near field, once one came.
     pub near_field_age_s: f32,
-    /// [1] a cell is free below this probability of being occupied.
+    /// `[1]` a cell is free below this probability of being occupied.
     pub free_below: f32,
-    /// [m] widening of the footprint for pose drift and range error; the map is conservative by itself.
+    /// `[m]` widening of the footprint for pose drift and range error; the map is conservative by itself.
     pub margin_m: f32,
-    /// [m] longest motion of a point of the footprint between two poses that are checked.
+    /// `[m]` longest motion of a point of the footprint between two poses that are checked.
     pub gap_m: f32,
-    /// [s] a command is assumed to hold this long before the brake: until the base brakes if the arbiter dies.
+    /// `[s]` a command is assumed to hold this long before the brake: until the base brakes if the arbiter dies.
     pub hold_s: f32,
-    /// [m] deepest overlap with cells that are not free, from which the robot may still move away.
+    /// `[m]` deepest overlap with cells that are not free, from which the robot may still move away.
     pub overlap_m: f32,
-    /// [m/s] fastest while something is inside the margin.
+    /// `[m/s]` fastest while something is inside the margin.
     pub squeeze_m_s: f32,
-    /// [m/s] slower than this is no progress: turn or back up instead.
+    /// `[m/s]` slower than this is no progress: turn or back up instead.
     pub crawl_m_s: f32,
-    /// [rad/s] turn rate of an escape or a scan.
+    /// `[rad/s]` turn rate of an escape or a scan.
     pub escape_turn_rad_s: f32,
-    /// [m/s] speed of a back-up.
+    /// `[m/s]` speed of a back-up.
     pub back_up_m_s: f32,
-    /// [m] longest back-up.
+    /// `[m]` longest back-up.
     pub back_up_m: f32,
-    /// [s] [0, 25] an escape backward crosses only cells seen within this time; a recovery any free cell.
+    /// `[s]` `[0, 25]` an escape backward crosses only cells seen within this time; a recovery any free cell.
     pub back_up_age_s: f32,
-    /// [s] nothing is safe for this long: boxed in.
+    /// `[s]` nothing is safe for this long: boxed in.
     pub boxed_in_s: f32,
-    /// [s] no progress for this long: recovery.
+    /// `[s]` no progress for this long: recovery.
     pub no_progress_s: f32,
-    /// [m] what counts as progress.
+    /// `[m]` what counts as progress.
     pub progress_m: f32,
-    /// [s] rest after recovery failed, before it tries again (`resume = auto`).
+    /// `[s]` rest after recovery failed, before it tries again (`resume = auto`).
     pub wait_s: f32,
-    /// [m/s] a policy in more doubt than this gives way to the expert; `inf` = never.
+    /// `[m/s]` a policy in more doubt than this gives way to the expert; `inf` = never.
     pub doubt_limit_m_s: f32,
-    /// [rad/s] a policy in more doubt than this gives way to the expert; `inf` = never.
+    /// `[rad/s]` a policy in more doubt than this gives way to the expert; `inf` = never.
     pub doubt_limit_rad_s: f32,
     /// Good frames in a row after which a lead that failed drives again.
     pub lead_frames: u32,
-    /// [s] or good for this long.
+    /// `[s]` or good for this long.
     pub lead_good_s: f32,
     /// Path of the file that keeps the emergency stop; empty = in the folder of the run.
     pub latch_file: String,
@@ -187,7 +187,7 @@ impl Config {
     }
 }
 
-/// [ns] of a span in seconds, for comparisons that are exact to the nanosecond.
+/// `[ns]` of a span in seconds, for comparisons that are exact to the nanosecond.
 pub(crate) fn span_ns(span_s: f32) -> u64 {
     (f64::from(span_s) * 1e6 + 0.5) as u64 * 1000
 }

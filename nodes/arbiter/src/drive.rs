@@ -11,11 +11,11 @@ use crate::select::Selected;
 use crate::tube::Situation;
 use sidestep_msgs::{NO_CELL, Reason, Twist, Winner};
 
-/// [1] a boxed-in robot drives on when this part of the wish is safe again.
+/// `[1]` a boxed-in robot drives on when this part of the wish is safe again.
 const FREE_SCALE: f32 = 0.5;
-/// [rad/s] a wish to turn slower than this is none.
+/// `[rad/s]` a wish to turn slower than this is none.
 const WANTS_RAD_S: f32 = 0.1;
-/// [m/s] fastest while the robot overlaps cells that are not free.
+/// `[m/s]` fastest while the robot overlaps cells that are not free.
 const OVERLAP_M_S: f32 = 0.1;
 
 impl Arbiter {

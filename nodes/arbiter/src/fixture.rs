@@ -6,9 +6,9 @@ use sidestep_msgs::{
     SafetyMap, Status, Twist, Winner,
 };
 
-/// [ns] one millisecond.
+/// `[ns]` one millisecond.
 pub(crate) const MS: u64 = 1_000_000;
-/// [ns] one tick.
+/// `[ns]` one tick.
 pub(crate) const TICK: u64 = 10 * MS;
 
 /// The shipped Loomo.
@@ -19,7 +19,7 @@ pub(crate) fn loomo() -> Robot {
 /// A box in the world: [x0, y0, x1, y1].
 pub(crate) type Solid = [f64; 4];
 
-/// [m] from a point to the nearest solid.
+/// `[m]` from a point to the nearest solid.
 pub(crate) fn distance_m(solids: &[Solid], x: f64, y: f64) -> f64 {
     let to = |s: &Solid| {
         let (dx, dy) = ((s[0] - x).max(x - s[2]).max(0.0), (s[1] - y).max(y - s[3]).max(0.0));
@@ -38,7 +38,7 @@ impl Hypot for f64 {
     }
 }
 
-/// [m] from the outline of the robot to the nearest solid, by points every centimetre along its edges.
+/// `[m]` from the outline of the robot to the nearest solid, by points every centimetre along its edges.
 pub(crate) fn gap_m(robot: &Robot, pose: &Pose2, solids: &[Solid]) -> f64 {
     let polygon = &robot.footprint.polygon_m;
     let mut least = f64::INFINITY;
@@ -223,7 +223,7 @@ impl Stage {
         }
     }
 
-    /// [m] to the nearest solid.
+    /// `[m]` to the nearest solid.
     pub(crate) fn gap_m(&self) -> f64 {
         gap_m(&self.robot, &self.pose, &self.solids)
     }

@@ -7,7 +7,7 @@
 use crate::config::span_ns;
 use bytemuck::{Pod, Zeroable};
 
-/// [ns] a stamp may be ahead of the reader's clock: it was read when the step began, the message came later.
+/// `[ns]` a stamp may be ahead of the reader's clock: it was read when the step began, the message came later.
 const AHEAD_NS: u64 = 20_000_000;
 
 /// What is wrong with an input.
@@ -34,7 +34,7 @@ const UNFIT: u32 = 3;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub(crate) struct Stamps {
-    /// [ns] graph time of the last good message.
+    /// `[ns]` graph time of the last good message.
     pub(crate) stamp_ns: u64,
     /// 1 once a good message came.
     taken: u32,
@@ -60,12 +60,12 @@ impl Stamps {
         self.trouble == NONE
     }
 
-    /// [ns] age of the last good message, or `None` before one came.
+    /// `[ns]` age of the last good message, or `None` before one came.
     pub(crate) fn age_ns(&self, now_ns: u64) -> Option<u64> {
         (self.taken != 0).then(|| now_ns.saturating_sub(self.stamp_ns))
     }
 
-    /// [s] the same for the command; infinite before one came.
+    /// `[s]` the same for the command; infinite before one came.
     pub(crate) fn age_s(&self, now_ns: u64) -> f32 {
         self.age_ns(now_ns).map_or(f32::INFINITY, |age| age as f32 * 1e-9)
     }

@@ -8,11 +8,11 @@ use sidestep_msgs::{
     Teleop, Twist,
 };
 
-/// [ns] odometry that repeats its bytes over this span of stamps while the base is told to move is frozen.
+/// `[ns]` odometry that repeats its bytes over this span of stamps while the base is told to move is frozen.
 const FROZEN_NS: u64 = 100_000_000;
-/// [s] after the dead time: a base that was told to move must have moved.
+/// `[s]` after the dead time: a base that was told to move must have moved.
 const REACTION_S: f32 = 0.3;
-/// [m/s] and [rad/s]: below this a base may well stand still.
+/// `[m/s]` and [rad/s]: below this a base may well stand still.
 const TOLD_M_S: f32 = 0.1;
 const TOLD_RAD_S: f32 = 0.3;
 
@@ -68,9 +68,9 @@ impl Wish {
 pub(crate) struct Inputs {
     pub(crate) odometry: Odometry,
     pub(crate) odometry_stamps: Stamps,
-    /// [ns] stamp of the first odometry with the same pose and twist as the newest.
+    /// `[ns]` stamp of the first odometry with the same pose and twist as the newest.
     same_since_ns: u64,
-    /// [ns] graph time since which the base is told to move; 0 = it is not.
+    /// `[ns]` graph time since which the base is told to move; 0 = it is not.
     told_since_ns: u64,
     pub(crate) map_stamps: Stamps,
     pub(crate) map_pose: Pose2,

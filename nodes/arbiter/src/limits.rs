@@ -14,7 +14,7 @@ const STILL_M_S: f32 = 1e-4;
 pub(crate) struct Motion {
     /// The command.
     pub(crate) twist: Twist,
-    /// [m/s^2] how the commanded speed changed last.
+    /// `[m/s^2]` how the commanded speed changed last.
     pub(crate) acceleration_m_s2: f32,
     /// Zero.
     pub(crate) _pad: u32,
@@ -108,13 +108,13 @@ impl Limiter {
         Motion { twist: Twist::new(next, turn), acceleration_m_s2: (next - v) / dt_s, _pad: 0 }
     }
 
-    /// [m/s^2] how hard a twist may brake so that speed and turn rate reach zero together.
+    /// `[m/s^2]` how hard a twist may brake so that speed and turn rate reach zero together.
     pub(crate) fn deceleration(&self, twist: Twist) -> f32 {
         let l = &self.limits;
         l.brake_m_s2.min(l.turn_accelerate_rad_s2 * twist.v_m_s.abs() / twist.w_rad_s.abs().max(1e-6))
     }
 
-    /// [m/s^2] least and most acceleration of a speed: towards zero is braking.
+    /// `[m/s^2]` least and most acceleration of a speed: towards zero is braking.
     fn accelerations(&self, v: f32) -> (f32, f32) {
         let (brake, accelerate) = (self.limits.brake_m_s2, self.limits.accelerate_m_s2);
         if v > STILL_M_S {

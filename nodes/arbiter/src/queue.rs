@@ -12,7 +12,7 @@ pub(crate) const SENT_MAX: usize = 64;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Sent {
-    /// [ns] graph time.
+    /// `[ns]` graph time.
     pub(crate) sent_ns: u64,
     /// The command.
     pub(crate) twist: Twist,
@@ -30,7 +30,7 @@ pub(crate) struct Queue {
 /// A command with its sending in seconds after the odometry's stamp.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Pending {
-    /// [s] after the stamp; negative before it.
+    /// `[s]` after the stamp; negative before it.
     pub(crate) sent_s: f32,
     /// The command.
     pub(crate) twist: Twist,

@@ -4,17 +4,17 @@ use crate::config::{Config, span_ns};
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
 
-/// [rad] a scan is done after a full turn.
+/// `[rad]` a scan is done after a full turn.
 const SCAN_RAD: f64 = 2.0 * std::f64::consts::PI;
-/// [ns] longest scan and longest back-up.
+/// `[ns]` longest scan and longest back-up.
 const SCAN_NS: u64 = 20_000_000_000;
 const BACK_UP_NS: u64 = 5_000_000_000;
-/// [ns] a recovery that moves nothing for this long is over.
+/// `[ns]` a recovery that moves nothing for this long is over.
 const BLOCKED_NS: u64 = 1_500_000_000;
-/// [m] and [rad] what counts as having moved at all.
+/// `[m]` and `[rad]` what counts as having moved at all.
 const MOVED_M: f64 = 0.08;
 const MOVED_RAD: f64 = 0.3;
-/// [m] this far from the trouble, the next one is a new one.
+/// `[m]` this far from the trouble, the next one is a new one.
 const AWAY_M: f64 = 0.5;
 
 const FOLLOW: u32 = 0;
@@ -45,16 +45,16 @@ pub(crate) struct Recovery {
     place: Pose2,
     /// Pose in `odom` at which the last trouble began.
     trouble: Pose2,
-    /// [rad] turned since the scan began.
+    /// `[rad]` turned since the scan began.
     turned_rad: f64,
     last_yaw_rad: f64,
     anchor_ns: u64,
     phase_ns: u64,
     /// Pose in `odom` at `still_ns`.
     still: Pose2,
-    /// [ns] graph time since which the robot did not move although something wants it to.
+    /// `[ns]` graph time since which the robot did not move although something wants it to.
     still_ns: u64,
-    /// [1, -1] side of the scan.
+    /// `[1, -1]` side of the scan.
     side: f32,
     phase: u32,
     /// [`Reason`] code of the trouble.

@@ -15,22 +15,22 @@ use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 const STEPS: u32 = 20;
 /// Halvings below one coarse step.
 const FINE: u32 = 5;
-/// [m/s] an escape begins only below this speed; above, the curve of the brake must not change.
+/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change.
 const SLOW_M_S: f32 = 0.15;
-/// [m/s] and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
+/// `[m/s]` and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
 const BEGIN: (f32, f32) = (0.06, 0.3);
 const LEAVE: (f32, f32) = (0.35, 0.6);
-/// [ns] an escape keeps its side for this long after it was last needed.
+/// `[ns]` an escape keeps its side for this long after it was last needed.
 const SIDE_NS: u64 = 1_000_000_000;
 
-/// [ns] so long after an escape the next one is a new one.
+/// `[ns]` so long after an escape the next one is a new one.
 const FORGET_NS: u64 = 3_000_000_000;
 
 /// What the filter lets through.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Filtered {
     pub(crate) motion: Motion,
-    /// [1] part of the wish.
+    /// `[1]` part of the wish.
     pub(crate) scale: f32,
     pub(crate) reason: Reason,
     /// The cell in the way.
@@ -41,11 +41,11 @@ pub(crate) struct Filtered {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Escape {
-    /// [ns] graph time of the last escape.
+    /// `[ns]` graph time of the last escape.
     used_ns: u64,
-    /// [m] backed up in this escape and those shortly before it.
+    /// `[m]` backed up in this escape and those shortly before it.
     reversed_m: f32,
-    /// [1, -1] side of the last turn.
+    /// `[1, -1]` side of the last turn.
     side: f32,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct Question {
     pub(crate) wish: Twist,
     pub(crate) dt_s: f32,
     pub(crate) now_ns: u64,
-    /// [1] no scale above this: a cap of speed from ranges, or beside an obstacle.
+    /// `[1]` no scale above this: a cap of speed from ranges, or beside an obstacle.
     pub(crate) scale_max: f32,
     /// Side to turn to where the wish has none.
     pub(crate) side: f32,

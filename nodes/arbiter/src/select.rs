@@ -12,7 +12,7 @@ const RELIEF: f32 = 0.8;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Selection {
-    /// [ns] graph time since which the lead is fit without a break; 0 = it is not.
+    /// `[ns]` graph time since which the lead is fit without a break; 0 = it is not.
     good_since_ns: u64,
     /// Good frames of the lead when it became fit.
     good_from: u32,

@@ -11,22 +11,22 @@ use crate::limits::{Limiter, Motion};
 use crate::queue::{Pending, SENT_MAX};
 use sidestep_msgs::{NO_CELL, Robot, Twist};
 
-/// [s] one step of the simulation.
+/// `[s]` one step of the simulation.
 const STEP_S: f32 = 0.01;
 /// Most steps: 8 s, longer than any stop the limits allow.
 const STEPS_MAX: usize = 800;
-/// [m/s] and [rad/s]: slower is rest.
+/// `[m/s]` and [rad/s]: slower is rest.
 const REST_M_S: f32 = 0.005;
 const REST_RAD_S: f32 = 0.01;
-/// [m] most by which the error of the turn rate widens the footprint along the path.
+/// `[m]` most by which the error of the turn rate widens the footprint along the path.
 const TURN_ERROR_MOST_M: f32 = 0.015;
 
 /// A member of the identified set of the actuator.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Corner {
-    /// [s] dead time.
+    /// `[s]` dead time.
     dead_s: f32,
-    /// [m/s^2] strongest deceleration.
+    /// `[m/s^2]` strongest deceleration.
     brake_m_s2: f32,
 }
 
@@ -37,15 +37,15 @@ pub(crate) struct Situation {
     pub(crate) at: Heading,
     /// Velocity of the odometry.
     pub(crate) twist: Twist,
-    /// [s] from the odometry's stamp to now.
+    /// `[s]` from the odometry's stamp to now.
     pub(crate) age_s: f32,
     /// Commands sent, oldest first.
     pub(crate) pending: [Pending; SENT_MAX],
     /// How many.
     pub(crate) pending_count: usize,
-    /// [m] widening of the footprint that is free where the robot is; less than the full margin beside an obstacle.
+    /// `[m]` widening of the footprint that is free where the robot is; less than the full margin beside an obstacle.
     pub(crate) margin_m: f32,
-    /// [m] the same for cells seen lately.
+    /// `[m]` the same for cells seen lately.
     pub(crate) old_margin_m: f32,
     /// Cells not known free, without those under the robot.
     pub(crate) blocked: Rows,
@@ -155,12 +155,12 @@ impl Tube {
         }
     }
 
-    /// [m] the widening where nothing is near.
+    /// `[m]` the widening where nothing is near.
     pub(crate) fn full_margin_m(&self) -> f32 {
         self.full_margin_m
     }
 
-    /// [m] the largest widening, up to the full one, with which the robot stands free; `None` where it overlaps
+    /// `[m]` the largest widening, up to the full one, with which the robot stands free; `None` where it overlaps
     /// cells deeper than the configured overlap.
     pub(crate) fn margin_at(&self, at: &Heading, blocked: &Rows) -> Option<f32> {
         let free = |margin| self.outline.blocked(at, margin, blocked).is_none();
@@ -251,7 +251,7 @@ impl Tube {
         Err(NO_CELL)
     }
 
-    /// [m] how far any point of the footprint may move before the next look.
+    /// `[m]` how far any point of the footprint may move before the next look.
     fn allowance(
         &self,
         situation: &Situation,

@@ -126,7 +126,7 @@ impl Boot {
         Ok(self.graph()?.get(key).and_then(toml::Value::as_str).map(str::to_owned))
     }
 
-    /// [s] the node's latency budget of the graph file, if it has one.
+    /// `[s]` the node's latency budget of the graph file, if it has one.
     ///
     /// # Errors
     /// [`NodeError::File`] or [`NodeError::Configuration`].

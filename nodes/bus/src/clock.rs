@@ -3,7 +3,7 @@
 use sidestep_msgs::{Clock, ClockMode};
 use std::time::Duration;
 
-/// [ns] host time, CLOCK_MONOTONIC: for latency, deadlines and, in real time, graph time.
+/// `[ns]` host time, CLOCK_MONOTONIC: for latency, deadlines and, in real time, graph time.
 #[must_use]
 pub fn host_ns() -> u64 {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
@@ -18,7 +18,7 @@ pub fn host_ns() -> u64 {
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// [ns] since 1970, for file names and the log time of recordings.
+/// `[ns]` since 1970, for file names and the log time of recordings.
 #[must_use]
 #[allow(clippy::disallowed_methods, reason = "this is the one file that reads a clock")]
 pub fn wall_ns() -> u64 {
@@ -46,7 +46,7 @@ impl GraphClock {
         raised
     }
 
-    /// [ns] graph time at a host time.
+    /// `[ns]` graph time at a host time.
     pub(crate) fn graph_ns(&self, host_ns: u64) -> u64 {
         self.newest.map_or(host_ns, |clock| clock.graph_ns_at(host_ns))
     }

@@ -27,7 +27,7 @@ use std::rc::Rc;
 
 /// Most processes in a domain: nodes, tools, operators.
 const PROCESSES_MAX: usize = 32;
-/// [ns] an empty shared-memory file older than this belongs to nobody alive.
+/// `[ns]` an empty shared-memory file older than this belongs to nobody alive.
 const LITTER_AGE_NS: u64 = 100_000_000;
 const SHARED_MEMORY: &str = "/dev/shm";
 

@@ -5,7 +5,7 @@ use crate::step::Step;
 use std::fs;
 use std::path::PathBuf;
 
-/// [ns] graph time between two writings.
+/// `[ns]` graph time between two writings.
 const KEEP_EVERY_NS: u64 = 500_000_000;
 
 /// A node's memory in the run's shared memory, written now and then, gone with the run.

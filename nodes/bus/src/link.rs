@@ -21,10 +21,10 @@ use std::os::unix::net::UnixStream;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// [ns] host time between heartbeats.
+/// `[ns]` host time between heartbeats.
 const HEARTBEAT_NS: u64 = 25_000_000;
 
-/// [Hz] a topic that is at most this frequent has its history handed out by the heartbeat.
+/// `[Hz]` a topic that is at most this frequent has its history handed out by the heartbeat.
 const RARE_HZ: f32 = 1.0;
 
 /// Messages per topic, shared by all inboxes and outboxes of a node.

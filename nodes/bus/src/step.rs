@@ -2,7 +2,7 @@
 
 use sidestep_msgs::{Header, INPUTS_MAX, STAGES, Stage, StageStamp, Status, Taken};
 
-/// [ns] graph time between two states of a node.
+/// `[ns]` graph time between two states of a node.
 const STATE_EVERY_NS: u64 = 10_000_000_000;
 
 /// Given to the node's closure at each wake; keeps what was taken until an output carried it away.
@@ -70,7 +70,7 @@ impl Step {
         self.status = Status::Ok;
     }
 
-    /// [ns] graph time of this step, its only time.
+    /// `[ns]` graph time of this step, its only time.
     #[must_use]
     pub fn now_ns(&self) -> u64 {
         self.now_ns
@@ -110,7 +110,7 @@ impl Step {
         self.tick
     }
 
-    /// [ns] the graph time a span from now, to be woken at or to compare with later.
+    /// `[ns]` the graph time a span from now, to be woken at or to compare with later.
     #[must_use]
     pub fn deadline(&self, span_ns: u64) -> u64 {
         self.now_ns.saturating_add(span_ns)

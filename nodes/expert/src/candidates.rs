@@ -10,7 +10,7 @@ use sidestep_msgs::{Limits, Twist};
 
 /// Pieces of a candidate.
 pub const PIECES: usize = 3;
-/// [0.1 s] length of each piece: knots at 0, 0.6 and 1.2 s, where more freedom no longer pays (measured).
+/// `[0.1 s]` length of each piece: knots at 0, 0.6 and 1.2 s, where more freedom no longer pays (measured).
 pub const PIECE_STEPS: [usize; PIECES] = [6, 6, 12];
 
 /// Target velocities of the three pieces.

@@ -30,15 +30,15 @@ pub enum Lead {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
-    /// [1/m] w1, on the distance between goal and last pose.
+    /// `[1/m]` w1, on the distance between goal and last pose.
     pub distance_per_m: f32,
-    /// [1/rad] w2, on the heading to the goal at the last pose.
+    /// `[1/rad]` w2, on the heading to the goal at the last pose.
     pub heading_per_rad: f32,
-    /// [1] w3, on the change of (v, w) in SI units.
+    /// `[1]` w3, on the change of (v, w) in SI units.
     pub change: f32,
-    /// [1] m of eq. (6c): largest planning cost that is safe.
+    /// `[1]` m of eq. (6c): largest planning cost that is safe.
     pub limit: f32,
-    /// [1] price of each 1.0 of planning cost above the limit, per step: eq. (6c) as an exact penalty.
+    /// `[1]` price of each 1.0 of planning cost above the limit, per step: eq. (6c) as an exact penalty.
     pub penalty: f32,
 }
 
@@ -54,9 +54,9 @@ impl Weights {
 pub struct Config {
     /// How hard to think.
     pub mode: Lead,
-    /// [50, 10000] candidates of a plain plan; the paper's demonstrator has 734.
+    /// `[50, 10000]` candidates of a plain plan; the paper's demonstrator has 734.
     pub candidates: usize,
-    /// [ns] graph time after which a refining expert stops waiting for the policy's proposal.
+    /// `[ns]` graph time after which a refining expert stops waiting for the policy's proposal.
     pub policy_wait_ns: u64,
     /// Eq. (6).
     pub weights: Weights,

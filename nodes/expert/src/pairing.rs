@@ -10,7 +10,7 @@ const MAPS: usize = 2;
 pub(crate) struct Frame {
     pub(crate) goal: LocalGoal,
     pub(crate) header: Header,
-    /// [ns] graph time from which it is answered without the policy.
+    /// `[ns]` graph time from which it is answered without the policy.
     pub(crate) deadline_ns: u64,
 }
 
@@ -21,7 +21,7 @@ pub(crate) struct Pairing {
     next_map: usize,
     frame: Option<Frame>,
     policy: Option<(Proposal, Header)>,
-    /// [ns] how long to wait for the policy; `None` = not refining.
+    /// `[ns]` how long to wait for the policy; `None` = not refining.
     wait_ns: Option<u64>,
 }
 

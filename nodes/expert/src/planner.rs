@@ -40,9 +40,9 @@ pub struct Plan {
     pub pieces: [Twist; PIECES],
     /// J of eq. (6), the limit as penalty.
     pub cost: f32,
-    /// [1] largest planning cost met.
+    /// `[1]` largest planning cost met.
     pub worst: f32,
-    /// [1] planning cost where the robot stands.
+    /// `[1]` planning cost where the robot stands.
     pub here: f32,
     /// Candidates evaluated.
     pub evaluated: u32,

@@ -8,9 +8,9 @@ use sidestep_msgs::{LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Limits, Twist};
 
 /// N of eq. (6).
 pub const HORIZON_STEPS: usize = 24;
-/// [s] length of a step.
+/// `[s]` length of a step.
 pub const STEP_S: f32 = 0.1;
-/// [1/255] planning cost outside the map: unknown, 0.3, as the mapper writes it for cells never seen.
+/// `[1/255]` planning cost outside the map: unknown, 0.3, as the mapper writes it for cells never seen.
 pub const UNKNOWN_COST: u8 = 77;
 
 /// Side of the map with one ring of unknown round it.
@@ -37,12 +37,12 @@ pub(crate) fn corner_index(forward: u32, left: u32) -> usize {
 #[derive(Debug, Clone)]
 pub(crate) struct Problem {
     pub(crate) corners: Corners,
-    /// [m] centre of the goal's cell.
+    /// `[m]` centre of the goal's cell.
     pub(crate) goal_x_m: f32,
     pub(crate) goal_y_m: f32,
     /// u'.
     pub(crate) from: Twist,
-    /// [m/s] and [rad/s] largest change per step.
+    /// `[m/s]` and [rad/s] largest change per step.
     pub(crate) step: Twist,
     pub(crate) weights: Weights,
     /// Whether left and right are exchanged.

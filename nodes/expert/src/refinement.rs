@@ -17,7 +17,7 @@ const STEP_LAST: f32 = 0.004;
 pub(crate) struct Scored {
     pub(crate) pieces: Pieces,
     pub(crate) cost: f32,
-    /// [1/255]
+    /// `[1/255]`
     pub(crate) worst: f32,
 }
 

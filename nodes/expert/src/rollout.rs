@@ -12,16 +12,16 @@ use sidestep_msgs::{LOCAL_GRID, Twist};
 pub(crate) const LANES: usize = 16;
 /// 1.5 * 2^23: adding it leaves the nearest integer in the low bits.
 const ROUND: f32 = 12_582_912.0;
-/// [m] inside this distance from the goal the heading to it fades out, since it is undefined at the goal.
+/// `[m]` inside this distance from the goal the heading to it fades out, since it is undefined at the goal.
 const FADE_M: f32 = 0.25;
 
 /// Sixteen candidates.
 #[repr(align(64))]
 #[derive(Debug, Clone)]
 pub(crate) struct Group {
-    /// [m/s] target speed, by piece and lane.
+    /// `[m/s]` target speed, by piece and lane.
     v: [[f32; LANES]; PIECES],
-    /// [rad/s] target turn rate.
+    /// `[rad/s]` target turn rate.
     w: [[f32; LANES]; PIECES],
 }
 
@@ -47,7 +47,7 @@ impl Group {
 pub(crate) struct Scores {
     /// J of eq. (6) with the limit as penalty.
     pub(crate) cost: [f32; LANES],
-    /// [1/255] largest planning cost met.
+    /// `[1/255]` largest planning cost met.
     pub(crate) worst: [f32; LANES],
 }
 
@@ -79,7 +79,7 @@ fn split(position: f32) -> (u32, f32) {
     (shifted.to_bits() & 31, inside - (shifted - ROUND))
 }
 
-/// [1/255] planning cost at a point of `base`, bilinear between cell centres.
+/// `[1/255]` planning cost at a point of `base`, bilinear between cell centres.
 #[inline(always)]
 pub(crate) fn look_up(problem: &Problem, x_m: f32, y_m: f32) -> f32 {
     const PER_M: f32 = 10.0;

@@ -18,27 +18,27 @@ pub struct ConfigError {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// [m] along the path, how far ahead the waypoint may lie.
+    /// `[m]` along the path, how far ahead the waypoint may lie.
     pub look_ahead_m: f32,
-    /// [m] along the path, how far ahead a point behind an obstacle is looked for.
+    /// `[m]` along the path, how far ahead a point behind an obstacle is looked for.
     pub past_obstacle_m: f32,
-    /// [m] along the path, how far progress may move in one step; loops longer than this cannot be cut.
+    /// `[m]` along the path, how far progress may move in one step; loops longer than this cannot be cut.
     pub search_ahead_m: f32,
-    /// [m] from the end of the path, or from the standby point: arrived.
+    /// `[m]` from the end of the path, or from the standby point: arrived.
     pub arrive_m: f32,
-    /// [1] planning cost from which a point is not free: m of eq. (6c).
+    /// `[1]` planning cost from which a point is not free: m of eq. (6c).
     pub limit: f32,
-    /// [m] from the person to the standby point.
+    /// `[m]` from the person to the standby point.
     pub standby_m: f32,
-    /// [m/s] a person faster than this moves, and the standby point lies behind.
+    /// `[m/s]` a person faster than this moves, and the standby point lies behind.
     pub person_moves_m_s: f32,
-    /// [1] trust of the tracker below which the person counts as not seen.
+    /// `[1]` trust of the tracker below which the person counts as not seen.
     pub confidence_least: f32,
-    /// [s] without observation after which the person counts as not seen.
+    /// `[s]` without observation after which the person counts as not seen.
     pub target_stale_s: f32,
-    /// [s] how long the standby point is held for a person not seen.
+    /// `[s]` how long the standby point is held for a person not seen.
     pub lost_hold_s: f32,
-    /// [rad] from straight behind, within which a goal keeps its side.
+    /// `[rad]` from straight behind, within which a goal keeps its side.
     pub side_rad: f32,
 }
 

@@ -8,7 +8,7 @@ use crate::sight::Sight;
 use crate::track::Track;
 use sidestep_msgs::Pose2;
 
-/// [m] between points of the path looked at.
+/// `[m]` between points of the path looked at.
 const STRIDE_M: f64 = 0.1;
 /// Points after the last visible one in which an obstacle on the path is looked for; beyond, a turn hides it.
 const NEAR_POINTS: usize = 3;
@@ -16,11 +16,11 @@ const NEAR_POINTS: usize = 3;
 /// A point of the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Waypoint {
-    /// [m] along the path.
+    /// `[m]` along the path.
     pub(crate) along_m: f64,
-    /// [m] in `base`.
+    /// `[m]` in `base`.
     pub(crate) x_m: f32,
-    /// [m] in `base`.
+    /// `[m]` in `base`.
     pub(crate) y_m: f32,
 }
 

@@ -44,7 +44,7 @@ const _: () = assert!(size_of::<Memory>() <= GOAL_STATE_BYTES);
 struct Found {
     status: Status,
     kind: GoalKind,
-    /// [m] in `base`.
+    /// `[m]` in `base`.
     place_m: Option<(f32, f32)>,
 }
 

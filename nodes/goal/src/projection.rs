@@ -22,9 +22,9 @@ pub enum Side {
 pub struct Projection {
     /// Index of the cell.
     pub cell: usize,
-    /// [m] centre of the cell, x in `base`.
+    /// `[m]` centre of the cell, x in `base`.
     pub x_m: f32,
-    /// [m] centre of the cell, y in `base`.
+    /// `[m]` centre of the cell, y in `base`.
     pub y_m: f32,
 }
 

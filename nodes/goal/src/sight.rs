@@ -2,17 +2,17 @@
 
 use sidestep_msgs::{LOCAL_GRID, LOCAL_SIDE, LocalMap};
 
-/// [1] planning cost outside the map: unknown.
+/// `[1]` planning cost outside the map: unknown.
 const UNKNOWN: f32 = 0.3;
-/// [m] between points of a line of sight.
+/// `[m]` between points of a line of sight.
 const STRIDE_M: f32 = 0.05;
-/// [m] round the robot a line of sight is not looked at: where the robot stands, it can start.
+/// `[m]` round the robot a line of sight is not looked at: where the robot stands, it can start.
 const OWN_M: f32 = 0.2;
 
 /// A map to look at.
 pub(crate) struct Sight<'a> {
     pub(crate) map: &'a LocalMap,
-    /// [1] planning cost from which a point is not free.
+    /// `[1]` planning cost from which a point is not free.
     pub(crate) limit: f32,
 }
 
@@ -26,7 +26,7 @@ impl Sight<'_> {
         f32::from(self.map.planning_cost[index as usize]) * (1.0 / 255.0)
     }
 
-    /// [1] planning cost at a point of `base`, bilinear between cell centres.
+    /// `[1]` planning cost at a point of `base`, bilinear between cell centres.
     pub(crate) fn cost(&self, x_m: f32, y_m: f32) -> f32 {
         let forward = (x_m - LOCAL_GRID.rear_m) / LOCAL_GRID.cell_m - 0.5;
         let left = (y_m - LOCAL_GRID.right_m) / LOCAL_GRID.cell_m - 0.5;

@@ -4,23 +4,23 @@ use crate::config::Config;
 use crate::sight::Sight;
 use sidestep_msgs::{Code, Pose2, Target, TargetState};
 
-/// [s] most time for which a person's motion is carried on from its stamp.
+/// `[s]` most time for which a person's motion is carried on from its stamp.
 const PREDICT_S: f64 = 0.5;
 /// A person that moves counts as moving down to this part of the threshold.
 const STILL_PART: f32 = 0.5;
-/// [m] coordinates beyond this are garbage.
+/// `[m]` coordinates beyond this are garbage.
 const FARTHEST_M: f32 = 1e6;
-/// [m] changes of the distance tried where the standby point is not free, the smallest first.
+/// `[m]` changes of the distance tried where the standby point is not free, the smallest first.
 const SHIFTS_M: [f64; 11] = [0.0, -0.1, 0.1, -0.2, 0.2, -0.3, 0.3, -0.4, 0.4, 0.6, 0.8];
 
 /// Where the person stands and which way behind is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Standby {
-    /// [m] the point, in `odom`.
+    /// `[m]` the point, in `odom`.
     pub(crate) x_m: f64,
-    /// [m] the point, in `odom`.
+    /// `[m]` the point, in `odom`.
     pub(crate) y_m: f64,
-    /// [m] from the robot to the person.
+    /// `[m]` from the robot to the person.
     pub(crate) person_m: f64,
     /// Whether the person moves.
     pub(crate) moves: bool,

@@ -4,14 +4,14 @@ use sidestep_msgs::{PATH_POINTS, Path, PathPoint};
 
 /// Price of each metre of progress against each metre of distance: where a path meets itself, the earlier branch wins.
 const ADVANCE_PRICE: f64 = 0.1;
-/// [m] coordinates beyond this are garbage.
+/// `[m]` coordinates beyond this are garbage.
 const FARTHEST_M: f32 = 1e6;
 
 /// The path's points with the length up to each.
 #[derive(Debug, Clone)]
 pub(crate) struct Track {
     points: Vec<(f64, f64)>,
-    /// [m] length from the first point to each.
+    /// `[m]` length from the first point to each.
     along_m: Vec<f64>,
 }
 
@@ -48,7 +48,7 @@ impl Track {
         self.points.is_empty()
     }
 
-    /// [m] length of the path.
+    /// `[m]` length of the path.
     pub(crate) fn length_m(&self) -> f64 {
         self.along_m.last().copied().unwrap_or(0.0)
     }
@@ -65,7 +65,7 @@ impl Track {
         (from.0 + part * (to.0 - from.0), from.1 + part * (to.1 - from.1))
     }
 
-    /// [m] progress of a robot at a point of `odom`: the nearest place from `progress_m` on, at most `window_m` ahead.
+    /// `[m]` progress of a robot at a point of `odom`: the nearest place from `progress_m` on, at most `window_m` ahead.
     pub(crate) fn advance(&self, progress_m: f64, x_m: f64, y_m: f64, window_m: f64) -> f64 {
         let end_m = progress_m + window_m;
         let first = self.along_m.partition_point(|&length| length <= progress_m).max(1);

@@ -6,47 +6,47 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// [m] nearest depth used.
+    /// `[m]` nearest depth used.
     pub near_m: f32,
-    /// [m] farthest depth used.
+    /// `[m]` farthest depth used.
     pub far_m: f32,
-    /// [m] what stands higher than this above the floor is an obstacle, at range 0.
+    /// `[m]` what stands higher than this above the floor is an obstacle, at range 0.
     pub floor_cut_m: f32,
-    /// [m/m] growth of the floor cut with range: the tangent of the pitch error that must not turn floor into obstacle.
+    /// `[m/m]` growth of the floor cut with range: the tangent of the pitch error that must not turn floor into obstacle.
     pub floor_cut_per_m: f32,
-    /// [m] what lies deeper than this below the floor is a hole, at range 0; grows with range as the floor cut does.
+    /// `[m]` what lies deeper than this below the floor is a hole, at range 0; grows with range as the floor cut does.
     pub hole_cut_m: f32,
-    /// [m] what is higher than this passes overhead.
+    /// `[m]` what is higher than this passes overhead.
     pub band_top_m: f32,
-    /// [m] side of the square, facing the camera, whose pixels are enough support for a cell.
+    /// `[m]` side of the square, facing the camera, whose pixels are enough support for a cell.
     pub support_side_m: f32,
-    /// [px] least support of a cell at any range.
+    /// `[px]` least support of a cell at any range.
     pub support_min_px: u32,
-    /// [1] least part of a frame's pixels that must carry a measurement.
+    /// `[1]` least part of a frame's pixels that must carry a measurement.
     pub valid_part_min: f32,
-    /// [1] log-odds added by a supported sighting of an obstacle.
+    /// `[1]` log-odds added by a supported sighting of an obstacle.
     pub hit_log_odds: f32,
-    /// [1] log-odds added by a sighting of four times the needed support, and by a lidar beam.
+    /// `[1]` log-odds added by a sighting of four times the needed support, and by a lidar beam.
     pub strong_hit_log_odds: f32,
-    /// [1] log-odds taken by a sighting of free space.
+    /// `[1]` log-odds taken by a sighting of free space.
     pub miss_log_odds: f32,
-    /// [1] log-odds at which an occupied cell saturates.
+    /// `[1]` log-odds at which an occupied cell saturates.
     pub log_odds_max: f32,
-    /// [1] log-odds at which a free cell saturates, positive.
+    /// `[1]` log-odds at which a free cell saturates, positive.
     pub log_odds_free_max: f32,
-    /// [s] time without sight after which a free cell is unknown again.
+    /// `[s]` time without sight after which a free cell is unknown again.
     pub forget_free_s: f32,
-    /// [s] time without sight after which an occupied cell is unknown again.
+    /// `[s]` time without sight after which an occupied cell is unknown again.
     pub forget_occupied_s: f32,
-    /// [m] expected pose drift since the last sight after which any cell is unknown again.
+    /// `[m]` expected pose drift since the last sight after which any cell is unknown again.
     pub forget_drift_m: f32,
-    /// [m] distance at which a heading error counts towards the drift.
+    /// `[m]` distance at which a heading error counts towards the drift.
     pub drift_lever_m: f32,
-    /// [s] widest gap between two odometry samples that is still interpolated.
+    /// `[s]` widest gap between two odometry samples that is still interpolated.
     pub odometry_gap_s: f32,
-    /// [m] ultrasonic readings nearer than this are marked.
+    /// `[m]` ultrasonic readings nearer than this are marked.
     pub sonar_below_m: f32,
-    /// [s] time for which a cell marked by an ultrasonic sensor stays marked out of that sensor's sight.
+    /// `[s]` time for which a cell marked by an ultrasonic sensor stays marked out of that sensor's sight.
     pub sonar_hold_s: f32,
     /// Whether what stands in the band always crosses the lidar's plane, so that a beam clears the cells it passes.
     pub scan_sees_band: bool,

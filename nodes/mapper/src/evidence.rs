@@ -13,11 +13,11 @@ use sidestep_msgs::DepthFrame;
 
 /// Support, in units of what is needed, that makes one sighting enough.
 const STRONG: f32 = 4.0;
-/// [m] step between the heights at which a ray is asked for.
+/// `[m]` step between the heights at which a ray is asked for.
 const HEIGHT_STEP_M: f32 = 0.05;
-/// [m] half a cell's diagonal: what ends nearer behind a cell's centre than this may lie in the cell.
+/// `[m]` half a cell's diagonal: what ends nearer behind a cell's centre than this may lie in the cell.
 const HALF_DIAGONAL_M: f32 = 0.036;
-/// [m] height at which the depth of an obstacle's cell is taken.
+/// `[m]` height at which the depth of an obstacle's cell is taken.
 const OBSTACLE_HEIGHT_M: f32 = 0.3;
 /// Cells without a return are asked for rays in turn, one in this many per frame.
 const ASK_EVERY: u32 = 4;

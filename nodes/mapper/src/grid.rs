@@ -9,7 +9,7 @@ use sidestep_msgs::Pose2;
 
 /// Cells along a side of the window: 9.6 m.
 pub const SIDE: usize = 192;
-/// [m] side of a cell.
+/// `[m]` side of a cell.
 pub const CELL_M: f64 = 0.05;
 /// Cells of the window.
 pub(crate) const CELLS: usize = SIDE * SIDE;
@@ -23,20 +23,20 @@ pub(crate) const OVERHANG: u8 = 0b1000;
 /// When and after how much drift something was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moment {
-    /// [10 ms] since the first stamp, from 1.
+    /// `[10 ms]` since the first stamp, from 1.
     pub(crate) tick: u32,
-    /// [m] pose drift expected since the start.
+    /// `[m]` pose drift expected since the start.
     pub(crate) drift_m: f32,
 }
 
 /// How fast certainty is lost, and where it saturates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Trust {
-    /// [1/tick] part of a free cell's certainty lost.
+    /// `[1/tick]` part of a free cell's certainty lost.
     pub(crate) free_per_tick: f32,
-    /// [1/tick] part of an occupied cell's certainty lost.
+    /// `[1/tick]` part of an occupied cell's certainty lost.
     pub(crate) occupied_per_tick: f32,
-    /// [1/m] part lost per metre of drift.
+    /// `[1/m]` part lost per metre of drift.
     pub(crate) per_drift_m: f32,
     most: f32,
     least: f32,
@@ -70,13 +70,13 @@ pub(crate) struct Grid {
     phase: [usize; 2],
     /// Log-odds of occupied when last seen.
     pub(crate) log_odds: Vec<f32>,
-    /// [10 ms] when last seen; 0 = never.
+    /// `[10 ms]` when last seen; 0 = never.
     pub(crate) seen_tick: Vec<u32>,
-    /// [m] drift when last seen.
+    /// `[m]` drift when last seen.
     pub(crate) drift_m: Vec<f32>,
     /// Height bands in which an obstacle was seen since the cell was last free, and [`OVERHANG`].
     pub(crate) bands: Vec<u8>,
-    /// [10 ms] when an ultrasonic sensor last marked the cell; 0 = not marked.
+    /// `[10 ms]` when an ultrasonic sensor last marked the cell; 0 = not marked.
     pub(crate) sonar_tick: Vec<u32>,
     /// Decay and saturation.
     pub(crate) trust: Trust,

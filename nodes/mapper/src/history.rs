@@ -5,27 +5,27 @@ use sidestep_msgs::{Odometry, Pose2, Robot, Status, Twist};
 
 /// Samples kept: 0.64 s at 100 Hz.
 pub(crate) const SAMPLES: usize = 64;
-/// [ns] longest extrapolation beyond the newest sample (SPEC section 3).
+/// `[ns]` longest extrapolation beyond the newest sample (SPEC section 3).
 const EXTRAPOLATE_MAX_NS: u64 = 20_000_000;
-/// [m] and [m/s]: a step longer and faster than this is a jump that nobody announced.
+/// `[m]` and [m/s]: a step longer and faster than this is a jump that nobody announced.
 const JUMP_M: f64 = 0.3;
 const JUMP_M_S: f64 = 10.0;
-/// [ns] a stamp that runs backward by more than this begins the history anew: the one before it was wrong.
+/// `[ns]` a stamp that runs backward by more than this begins the history anew: the one before it was wrong.
 const RESTART_NS: u64 = 1_000_000_000;
 
 /// One moment of the body.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Zeroable, bytemuck::Pod)]
 #[repr(C)]
 pub(crate) struct Sample {
-    /// [ns] graph time.
+    /// `[ns]` graph time.
     pub(crate) stamp_ns: u64,
     /// Pose of `base` in `odom`.
     pub(crate) pose: Pose2,
     /// Velocity in `base`.
     pub(crate) twist: Twist,
-    /// [rad] roll of `body`.
+    /// `[rad]` roll of `body`.
     pub(crate) roll_rad: f32,
-    /// [rad] pitch of `body`, nose down positive.
+    /// `[rad]` pitch of `body`, nose down positive.
     pub(crate) pitch_rad: f32,
 }
 
@@ -44,7 +44,7 @@ pub(crate) enum Arrival {
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Zeroable, bytemuck::Pod)]
 #[repr(C)]
 pub(crate) struct History {
-    /// [m] pose error expected to have accumulated since the start.
+    /// `[m]` pose error expected to have accumulated since the start.
     pub(crate) drift_m: f64,
     /// Pose epoch of all samples.
     pub(crate) pose_epoch: u32,

@@ -12,23 +12,23 @@ use crate::sweep::{Sweep, is_shaped};
 use crate::view::View;
 use sidestep_msgs::{DepthFrame, LocalMap, Odometry, Pose2, Ranges, Robot, SafetyMap, Scan, Status};
 
-/// [m] farthest a camera may be mounted from the axle; beyond, the pose is garbage.
+/// `[m]` farthest a camera may be mounted from the axle; beyond, the pose is garbage.
 const MOUNT_MAX_M: f32 = 5.0;
 
 /// What the step keeps beside the grid.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Zeroable, bytemuck::Pod)]
 #[repr(C)]
 pub(crate) struct Memory {
-    /// [ns] stamp that ticks are counted from; 0 = no stamp yet.
+    /// `[ns]` stamp that ticks are counted from; 0 = no stamp yet.
     pub(crate) first_ns: u64,
-    /// [ns] capture stamp of the newest frame taken; 0 = none.
+    /// `[ns]` capture stamp of the newest frame taken; 0 = none.
     pub(crate) capture_ns: u64,
-    /// [ns] newest stamps taken per sensor.
+    /// `[ns]` newest stamps taken per sensor.
     pub(crate) depth_ns: u64,
     pub(crate) scan_ns: u64,
     /// Pose of the newest frame taken.
     pub(crate) pose: Pose2,
-    /// [m] drift when it was taken.
+    /// `[m]` drift when it was taken.
     pub(crate) drift_m: f32,
     pub(crate) _pad0: u32,
     pub(crate) pose_epoch: u32,

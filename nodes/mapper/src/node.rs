@@ -2,7 +2,9 @@
 
 use crate::{Config, Mapper};
 use sidestep_bus::{Boot, Keep, Keepsake, Link, NodeError};
-use sidestep_msgs::{DEPTH, LOCAL_MAP, MAPPER_STATE_BYTES, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage};
+use sidestep_msgs::{
+    DEPTH, LOCAL_MAP, MAPPER_STATE_BYTES, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage,
+};
 
 /// Maps until asked to stop.
 ///

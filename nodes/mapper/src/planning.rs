@@ -9,7 +9,7 @@ pub const CLEAR_BELOW: u8 = 90;
 /// Occupancy from here on (0.5) counts as an obstacle and is widened. What lies between is in doubt, as a free cell is
 /// that lost its certainty with motion: it costs what the unknown costs, since nothing was ever seen to stand there.
 const OBSTACLE_FROM: u8 = 128;
-/// [m] beyond the half-width, over which the weight falls to zero.
+/// `[m]` beyond the half-width, over which the weight falls to zero.
 const FALL_M: f32 = 0.165;
 /// Cells by which the kernel may reach: half-widths up to 0.9 m.
 const REACH_MAX: usize = 10;

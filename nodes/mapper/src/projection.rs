@@ -44,7 +44,7 @@ pub(crate) struct Lens {
     width: usize,
     height: usize,
     metres_per_unit: f32,
-    /// [m] standard deviation of depth at 1 m; grows with the square of depth.
+    /// `[m]` standard deviation of depth at 1 m; grows with the square of depth.
     pub(crate) sigma_at_1_m: f32,
     /// When this was seen.
     pub(crate) now: Moment,
@@ -91,7 +91,7 @@ impl Lens {
         [ray.x * cells, ray.y * cells, ray.z]
     }
 
-    /// [m] depth along the optical axis of a point given in window cells and metres of height.
+    /// `[m]` depth along the optical axis of a point given in window cells and metres of height.
     #[inline]
     pub(crate) fn depth_m(&self, x: f32, y: f32, height_m: f32) -> f32 {
         let cell_m = CELL_M as f32;
@@ -99,7 +99,7 @@ impl Lens {
         self.rotation[(0, 2)] * dx + self.rotation[(1, 2)] * dy + self.rotation[(2, 2)] * dz
     }
 
-    /// [m] depth of a raw pixel.
+    /// `[m]` depth of a raw pixel.
     #[inline]
     pub(crate) fn metres(&self, raw: u16) -> f32 {
         f32::from(raw) * self.metres_per_unit
@@ -160,9 +160,9 @@ struct Row {
 /// What belongs to the columns of a frame and does not change from row to row.
 #[derive(Debug)]
 pub(crate) struct Columns {
-    /// [px] column minus principal point.
+    /// `[px]` column minus principal point.
     offset_px: [f32; COLUMNS_MAX],
-    /// [m/unit] growth of the cuts with the raw depth.
+    /// `[m/unit]` growth of the cuts with the raw depth.
     cut: [f32; COLUMNS_MAX],
     /// Counter of each pixel of a row.
     counter: [u32; COLUMNS_MAX],

@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::grid::{CELL_M, Grid, Moment, SIDE};
 use sidestep_msgs::{Pose2, RANGES_MAX, Range, Ranges};
 
-/// [m] what the sensor must see past a mark.
+/// `[m]` what the sensor must see past a mark.
 const SEES_PAST_M: f32 = 0.1;
 
 /// Takes all sensors of one message, with the robot at `pose`.

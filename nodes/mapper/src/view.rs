@@ -25,7 +25,7 @@ const STEPS: f32 = 36.0;
 /// Samples along a side of a cell of the local map: closer than grid cells, so that none is missed, and even, so that
 /// none lies on the edge of a grid cell when both grids are aligned.
 const SAMPLES: usize = 4;
-/// [cells] added to the half-extent of a safety cell for the rounding of `f32`.
+/// `[cells]` added to the half-extent of a safety cell for the rounding of `f32`.
 const SLACK: f32 = 1e-3;
 
 /// Occupancy and age of one cell; never seen is (0, [`AGE_NEVER`]), which loses every comparison for the largest.

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 pub struct Config {
     /// The recording.
     pub file: PathBuf,
-    /// [1] (0, 100] graph seconds per host second.
+    /// `[1]` (0, 100] graph seconds per host second.
     pub rate: f64,
     /// Whether to begin again at the end, in a new epoch.
     pub repeat: bool,
-    /// [s] [0, 1e6] how far into the recording to begin.
+    /// `[s]` `[0, 1e6]` how far into the recording to begin.
     pub start_offset_s: f64,
 }
 
@@ -34,7 +34,7 @@ impl Config {
         Ok(())
     }
 
-    /// [ns] [`Config::start_offset_s`].
+    /// `[ns]` [`Config::start_offset_s`].
     #[must_use]
     pub fn start_offset_ns(&self) -> u64 {
         (self.start_offset_s * 1e9) as u64

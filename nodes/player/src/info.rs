@@ -19,7 +19,7 @@ pub struct ChannelInfo {
     pub topic: String,
     /// Messages.
     pub count: u64,
-    /// [Hz] messages by duration of the recording.
+    /// `[Hz]` messages by duration of the recording.
     pub rate_hz: f64,
     /// Name of its schema.
     pub schema: String,
@@ -32,7 +32,7 @@ pub struct ChannelInfo {
 pub struct Info {
     /// The file.
     pub path: PathBuf,
-    /// [byte] its size.
+    /// `[byte]` its size.
     pub size_bytes: u64,
     /// The program that wrote it.
     pub library: String,
@@ -42,11 +42,11 @@ pub struct Info {
     pub damage: Option<String>,
     /// All messages.
     pub messages: u64,
-    /// [ns] wall time of the first message received.
+    /// `[ns]` wall time of the first message received.
     pub start_ns: u64,
-    /// [ns] wall time of the last message received.
+    /// `[ns]` wall time of the last message received.
     pub end_ns: u64,
-    /// [s] from the first to the last.
+    /// `[s]` from the first to the last.
     pub duration_s: f64,
     /// Its channels by name.
     pub channels: Vec<ChannelInfo>,

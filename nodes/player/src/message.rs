@@ -22,7 +22,7 @@ pub struct Entry {
     pub header: Header,
     /// Its bytes.
     pub message: Vec<u8>,
-    /// [ns] wall time at which the recorder received it.
+    /// `[ns]` wall time at which the recorder received it.
     pub logged_ns: u64,
 }
 

@@ -8,7 +8,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::path::Path;
 
-/// [ns] messages that the recorder received within this span of each other are brought into order.
+/// `[ns]` messages that the recorder received within this span of each other are brought into order.
 const ORDER_WINDOW_NS: u64 = 1_000_000_000;
 
 /// Messages in the order in which the recorder received them.

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// [byte] no record or chunk of a recording is larger: a file that claims more is damaged, and memory stays bounded.
+/// `[byte]` no record or chunk of a recording is larger: a file that claims more is damaged, and memory stays bounded.
 const RECORD_BYTES_MAX: usize = 64 << 20;
 /// First and last bytes of a complete file.
 pub(crate) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";

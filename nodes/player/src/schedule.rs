@@ -33,7 +33,7 @@ impl Schedule {
         self.epoch += 1;
     }
 
-    /// [ns] host time at which a message of graph time `stamp_ns` is due.
+    /// `[ns]` host time at which a message of graph time `stamp_ns` is due.
     #[must_use]
     pub fn due_host_ns(&self, stamp_ns: u64) -> u64 {
         let passed_ns = stamp_ns.saturating_sub(self.graph0_ns) as f64 / self.rate;

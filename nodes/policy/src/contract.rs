@@ -23,15 +23,15 @@ const RETRAIN: &str = "train or export it for this build with `sidestep train`";
 /// One question and the network's answer, recorded by whoever exported it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Golden {
-    /// [1/255] planning cost, row by row.
+    /// `[1/255]` planning cost, row by row.
     pub planning_cost: [u8; LOCAL_CELLS],
     /// Cell of the goal.
     pub goal_cell: usize,
     /// u'.
     pub velocity: Twist,
-    /// [m/s, rad/s] the command that must come out.
+    /// `[m/s, rad/s]` the command that must come out.
     pub command: [f32; 2],
-    /// [m/s, rad/s] the doubt that must come out.
+    /// `[m/s, rad/s]` the doubt that must come out.
     pub doubt: [f32; 2],
 }
 
@@ -46,7 +46,7 @@ pub struct Contract {
     pub robot_hash: u64,
     /// [`Robot::motion_hash`] of that robot; another one is refused.
     pub motion_hash: u64,
-    /// [s] a command lies within u' +- acceleration x this.
+    /// `[s]` a command lies within u' +- acceleration x this.
     pub window_s: f32,
     /// Fingerprint of the training data.
     pub dataset_hash: u64,

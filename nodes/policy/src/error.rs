@@ -49,11 +49,11 @@ pub enum ModelError {
     SelfTest {
         /// The model.
         model: String,
-        /// [m/s, rad/s, m/s, rad/s] command and doubt computed here.
+        /// `[m/s, rad/s, m/s, rad/s]` command and doubt computed here.
         found: [f32; 4],
-        /// [m/s, rad/s, m/s, rad/s] command and doubt in the metadata.
+        /// `[m/s, rad/s, m/s, rad/s]` command and doubt in the metadata.
         needed: [f32; 4],
-        /// [m/s, rad/s] largest difference allowed.
+        /// `[m/s, rad/s]` largest difference allowed.
         tolerance: f32,
     },
 }

@@ -21,11 +21,11 @@ const SMALL_BLOCK: usize = 16;
 /// The value iteration of one network.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ValueIteration {
-    /// [1] 3x3 reward kernel per channel.
+    /// `[1]` 3x3 reward kernel per channel.
     pub reward: Vec<[f32; 9]>,
-    /// [1] bias per channel.
+    /// `[1]` bias per channel.
     pub bias: Vec<f32>,
-    /// [1] 3x3 value kernel per channel.
+    /// `[1]` 3x3 value kernel per channel.
     pub value: Vec<[f32; 9]>,
     /// Value iterations K.
     pub rounds: usize,

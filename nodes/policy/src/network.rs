@@ -41,30 +41,30 @@ pub struct DenseLayer {
     pub inputs: usize,
     /// Number of outputs.
     pub outputs: usize,
-    /// [1] inputs x outputs, row by row.
+    /// `[1]` inputs x outputs, row by row.
     pub weight: Vec<f32>,
-    /// [1] one per output.
+    /// `[1]` one per output.
     pub bias: Vec<f32>,
 }
 
 /// All parameters of a policy, in SI units at its inputs and outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Network {
-    /// [1] weight of the goal in m_r.
+    /// `[1]` weight of the goal in m_r.
     pub lambda: f32,
     /// Value iterations K.
     pub rounds: usize,
-    /// [1] 3x3 reward kernel per channel, row by row.
+    /// `[1]` 3x3 reward kernel per channel, row by row.
     pub reward: Vec<[f32; 9]>,
-    /// [1] bias per channel.
+    /// `[1]` bias per channel.
     pub reward_bias: Vec<f32>,
-    /// [1] 3x3 value kernel per channel, shared by all rounds.
+    /// `[1]` 3x3 value kernel per channel, shared by all rounds.
     pub value: Vec<[f32; 9]>,
     /// Dense layers from [`FEATURES`] to [`HEAD_OUTPUTS`].
     pub dense: Vec<DenseLayer>,
 }
 
-/// What the network is told of a goal in `cell`: x [m], y [m], distance [m], cosine and sine of its bearing.
+/// What the network is told of a goal in `cell`: x `[m]`, y `[m]`, distance `[m]`, cosine and sine of its bearing.
 #[must_use]
 pub fn goal_features(cell: usize) -> [f32; GOAL_FEATURES] {
     let (x_m, y_m) = LOCAL_GRID.centre(cell / LOCAL_SIDE % LOCAL_SIDE, cell % LOCAL_SIDE);

@@ -14,7 +14,7 @@ use tract_onnx::pb::{GraphProto, ModelProto, ValueInfoProto, tensor_shape_proto:
 use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::internal::TypedSimpleState;
 
-/// [m/s, rad/s] largest difference between the recorded and the computed answer of the self-test.
+/// `[m/s, rad/s]` largest difference between the recorded and the computed answer of the self-test.
 pub const TOLERANCE: f32 = 1e-4;
 
 /// The model in the binary, for the robot of `launch/robots/loomo.toml`.
@@ -37,9 +37,9 @@ pub struct Policy {
 /// What the network answers, before any clamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// [m/s, rad/s] the command.
+    /// `[m/s, rad/s]` the command.
     pub command: [f32; 2],
-    /// [m/s, rad/s] the expected error of the command.
+    /// `[m/s, rad/s]` the expected error of the command.
     pub doubt: [f32; 2],
 }
 

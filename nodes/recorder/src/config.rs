@@ -9,11 +9,11 @@ use std::path::PathBuf;
 pub struct Config {
     /// Folder of the recordings; made where it is missing.
     pub folder: PathBuf,
-    /// [s] (0, 10] a chunk reaches the system at least this often: what a kill can lose.
+    /// `[s]` (0, 10] a chunk reaches the system at least this often: what a kill can lose.
     pub flush_period_s: f64,
-    /// [64, 65536] small messages that may wait for the disk, 16 KiB each.
+    /// `[64, 65536]` small messages that may wait for the disk, 16 KiB each.
     pub queue_small: usize,
-    /// [2, 1024] depth frames and states that may wait for the disk, 0.6 MiB each.
+    /// `[2, 1024]` depth frames and states that may wait for the disk, 0.6 MiB each.
     pub queue_large: usize,
     /// Further files that each recording takes within, such as a model that is not the embedded one.
     pub attach: Vec<PathBuf>,
@@ -43,7 +43,7 @@ impl Config {
         Ok(())
     }
 
-    /// [ns] [`Config::flush_period_s`].
+    /// `[ns]` [`Config::flush_period_s`].
     #[must_use]
     pub fn flush_period_ns(&self) -> u64 {
         (self.flush_period_s * 1e9) as u64

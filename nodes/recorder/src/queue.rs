@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// [byte] messages up to this size take a small buffer.
+/// `[byte]` messages up to this size take a small buffer.
 const SMALL_BYTES: usize = 16 * 1024;
 /// Without messages for this long the writer closes its chunk.
 const IDLE: Duration = Duration::from_secs(1);
@@ -89,7 +89,7 @@ fn counts(lost: &[AtomicU64]) -> Vec<u64> {
     lost.iter().map(|count| count.load(Ordering::Acquire)).collect()
 }
 
-/// [byte] the largest record of the table.
+/// `[byte]` the largest record of the table.
 fn largest_record() -> usize {
     size_of::<Header>() + TOPICS.iter().map(|row| row.size).max().unwrap_or(0)
 }

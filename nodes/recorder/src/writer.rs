@@ -15,20 +15,20 @@ use sidestep_msgs::{
 use std::collections::BTreeMap;
 use std::io::Write;
 
-/// [byte] a chunk is closed when it is larger than this.
+/// `[byte]` a chunk is closed when it is larger than this.
 const CHUNK_BYTES: u64 = 1 << 20;
 const LIBRARY: &str = concat!("sidestep/", env!("CARGO_PKG_VERSION"));
 
 /// What a recording says of where it comes from.
 #[derive(Debug, Clone, Default)]
 pub struct Origin {
-    /// [ns] to add to host time (CLOCK_MONOTONIC) for wall time; times in the file are wall time.
+    /// `[ns]` to add to host time (CLOCK_MONOTONIC) for wall time; times in the file are wall time.
     pub mono_to_wall_ns: i64,
     /// Names and values: version, run, kernel class, model hash and the like.
     pub metadata: Vec<(String, String)>,
     /// Names and bytes: robot file, graph file, resolved parameters, a model that is not the embedded one.
     pub attachments: Vec<(String, Vec<u8>)>,
-    /// [ns] a chunk is closed and handed to the system at least this often: what a kill can lose.
+    /// `[ns]` a chunk is closed and handed to the system at least this often: what a kill can lose.
     pub flush_period_ns: u64,
 }
 

@@ -8,13 +8,13 @@ use sidestep_msgs::Pose2;
 use std::io::Read;
 use std::path::Path as FilePath;
 
-/// [m] radius of every cylinder.
+/// `[m]` radius of every cylinder.
 const RADIUS_M: f64 = 0.075;
-/// [m] height of every cylinder.
+/// `[m]` height of every cylinder.
 const TOP_M: f64 = 1.0;
-/// [m] start of the task.
+/// `[m]` start of the task.
 const START_M: [f64; 2] = [-2.25, 3.0];
-/// [m] goal of the task.
+/// `[m]` goal of the task.
 const GOAL_M: [f64; 2] = [-2.25, 13.0];
 
 impl World {

@@ -6,13 +6,13 @@ use sidestep_msgs::{Command, Pose2, Robot, Twist};
 
 /// Commands that can be under way at once: 80 ms at 130 Hz, three times over.
 const QUEUE: usize = 32;
-/// [s] time constant of the lean.
+/// `[s]` time constant of the lean.
 const LEAN_S: f64 = 0.08;
-/// [ns] length of one slip, and of the windows in which a slip happens or not.
+/// `[ns]` length of one slip, and of the windows in which a slip happens or not.
 const SLIP_NS: u64 = 300_000_000;
-/// [1] what the wheels turn more than the robot moves while they slip.
+/// `[1]` what the wheels turn more than the robot moves while they slip.
 const SLIP_GAIN: f64 = 1.6;
-/// [rad/sqrt(m)] random walk of the believed heading.
+/// `[rad/sqrt(m)]` random walk of the believed heading.
 const WALK_RAD: f64 = 0.002;
 
 /// The response of this base and the errors of its wheels; constant during a run.
@@ -182,7 +182,7 @@ impl Base {
         self.w_rad_s = 0.0;
     }
 
-    /// [m^2, m^2, rad^2] variances of the believed pose since the start.
+    /// `[m^2, m^2, rad^2]` variances of the believed pose since the start.
     pub(crate) fn variance(&self, response: &Response) -> [f32; 3] {
         let along = response.drift_per_m * self.distance_m;
         let heading = response.drift_per_rad * self.turned_rad;

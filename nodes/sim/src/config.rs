@@ -12,21 +12,21 @@ pub struct Config {
     pub world: String,
     /// Seed of everything that looks random.
     pub seed: u64,
-    /// [0, 16] people, at most as many as the world has ways for.
+    /// `[0, 16]` people, at most as many as the world has ways for.
     pub people: u32,
     /// Noise of the sensors and drift of the odometry.
     pub noise: bool,
-    /// [px] [16, 640] columns rendered; 0 = as the robot's camera; the field of view stays.
+    /// `[px]` `[16, 640]` columns rendered; 0 = as the robot's camera; the field of view stays.
     pub width_px: u32,
-    /// [px] [16, 480] rows rendered; 0 = as the robot's camera.
+    /// `[px]` `[16, 480]` rows rendered; 0 = as the robot's camera.
     pub height_px: u32,
-    /// [1] [0, 1] where the base lies between the shortest and the longest dead time of the robot file.
+    /// `[1]` `[0, 1]` where the base lies between the shortest and the longest dead time of the robot file.
     pub dead_time_part: f64,
-    /// [1] [0, 1] where the base lies between the weakest and the strongest brake of the robot file.
+    /// `[1]` `[0, 1]` where the base lies between the weakest and the strongest brake of the robot file.
     pub brake_part: f64,
-    /// [1/min] [0, 60] slips of the wheels, 0.3 s each.
+    /// `[1/min]` `[0, 60]` slips of the wheels, 0.3 s each.
     pub slips_per_min: f64,
-    /// [m, m, rad] start in the world; without it, the world's own.
+    /// `[m, m, rad]` start in the world; without it, the world's own.
     pub start: Option<[f64; 3]>,
 }
 

@@ -6,7 +6,7 @@ use crate::solid::Solid;
 use crate::world::World;
 use sidestep_msgs::Pose2;
 
-/// [m] passage left beside every obstacle.
+/// `[m]` passage left beside every obstacle.
 const PASSAGE_M: f64 = 1.0;
 
 impl World {

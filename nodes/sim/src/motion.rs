@@ -6,13 +6,13 @@ use crate::solid::Solid;
 use crate::world::{CLEARANCE_MAX_M, World};
 use sidestep_msgs::{Pose2, Robot};
 
-/// [m] whatever reaches below this height can be touched.
+/// `[m]` whatever reaches below this height can be touched.
 const ROBOT_TOP_M: f64 = 1.0;
-/// [m] a contact ends when the gap exceeds this.
+/// `[m]` a contact ends when the gap exceeds this.
 const APART_M: f64 = 0.005;
-/// [m/s] a contact that begins slower than this is no collision.
+/// `[m/s]` a contact that begins slower than this is no collision.
 const MOVING_M_S: f64 = 0.02;
-/// [m] gaps below this count as touching.
+/// `[m]` gaps below this count as touching.
 const TOUCH_M: f64 = 1e-6;
 
 /// The outline of the robot.
@@ -33,7 +33,7 @@ impl Outline {
         Self { corners_m, count, reach_m: f64::from(robot.radius_m()) }
     }
 
-    /// [m] gap between the outline at `pose` and the nearest of the solids, up to [`CLEARANCE_MAX_M`].
+    /// `[m]` gap between the outline at `pose` and the nearest of the solids, up to [`CLEARANCE_MAX_M`].
     fn gap_m(&self, pose: &Pose2, solids: impl Iterator<Item = Solid>) -> f64 {
         let mut placed = [[0.0; 2]; 8];
         for (to, from) in placed.iter_mut().zip(&self.corners_m[..self.count]) {
@@ -59,7 +59,7 @@ pub(crate) struct Motion {
     pub(crate) contact: bool,
     pub(crate) collisions: u32,
     pub(crate) min_clearance_m: f64,
-    /// [m] nothing can be touched before this much relative motion.
+    /// `[m]` nothing can be touched before this much relative motion.
     slack_m: f64,
 }
 
@@ -69,7 +69,7 @@ impl Motion {
         Self { base, people, contact: false, collisions: 0, min_clearance_m: CLEARANCE_MAX_M, slack_m: 0.0 }
     }
 
-    /// [m] gap between robot and the nearest thing; 0 = contact.
+    /// `[m]` gap between robot and the nearest thing; 0 = contact.
     pub(crate) fn clearance_m(&self, world: &World, outline: &Outline) -> f64 {
         let solids = world.solids.iter().copied().chain(self.people.solids(&world.walkers));
         outline.gap_m(&self.base.pose, solids)

@@ -10,41 +10,38 @@ use crate::world::{World, resample};
 use sidestep_msgs::Pose2;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// [m] free round the start: the disc that a robot with a camera must be granted.
+/// `[m]` free round the start: the disc that a robot with a camera must be granted.
 const START_FREE_M: f64 = 1.25;
-/// [m] free on both sides of the loop; a door post is as near as anything may be.
+/// `[m]` free on both sides of the loop; a door post is as near as anything may be.
 pub const FREE_M: f64 = 0.45;
 const WALL_M: f64 = 0.12;
 const WALL_TOP_M: f64 = 2.4;
 const LEG_RADIUS_M: f64 = 0.016;
 
-/// The loop, leg by leg: each leg begins where the one before ends.
-const LEGS: [&[[f64; 2]]; 5] = [
-    &[[1.5, 1.5], [2.4, 1.5], [3.6, 1.7], [5.1, 2.5], [6.2, 2.7]],
-    &[[6.2, 2.7], [7.4, 2.4], [8.6, 1.8], [9.5, 2.2], [9.95, 3.1]],
-    &[[9.95, 3.1], [10.0, 4.0], [10.0, 5.9], [9.4, 6.5], [8.2, 6.5]],
-    &[[8.2, 6.5], [6.6, 6.5], [5.4, 6.5], [3.4, 6.4]],
-    &[[3.4, 6.4], [2.4, 6.4], [2.0, 5.9], [2.0, 4.0], [1.6, 3.0], [1.5, 1.5]],
+/// The loop, leg by leg: each leg begins where the one before ends. Turns lie at the ends of legs, after
+/// straight stretches, so that a camera of 55 degrees has seen the ground on which the robot turns.
+const LEGS: [&[[f64; 2]]; 6] = [
+    &[[1.6, 1.35], [5.8, 1.35]],
+    &[[5.8, 1.35], [9.9, 2.25]],
+    &[[9.9, 2.25], [10.0, 3.2], [10.0, 5.0], [9.8, 6.4]],
+    &[[9.8, 6.4], [7.6, 6.4]],
+    &[[7.6, 6.4], [5.6, 6.4], [2.1, 5.6]],
+    &[[2.1, 5.6], [2.0, 4.8], [2.0, 1.8], [1.6, 1.35]],
 ];
 
 /// Tables: centre, size, yaw.
 const TABLES: [([f64; 2], [f64; 2], f64); 6] = [
-    ([3.5, 3.3], [1.6, 0.8], 0.0),
-    ([6.3, 1.1], [1.6, 0.8], 0.0),
-    ([8.1, 3.6], [1.4, 0.7], 0.3),
-    ([8.2, 7.5], [1.6, 0.7], 0.0),
-    ([4.0, 7.45], [1.6, 0.7], 0.0),
-    ([11.3, 1.2], [1.4, 0.7], FRAC_PI_2),
+    ([5.0, 3.1], [1.6, 0.8], 0.0),
+    ([6.9, 3.2], [1.2, 0.7], 0.3),
+    ([11.4, 1.2], [1.4, 0.7], FRAC_PI_2),
+    ([8.2, 7.5], [1.6, 0.6], 0.0),
+    ([4.0, 7.5], [1.6, 0.6], 0.0),
+    ([4.6, 4.6], [1.4, 0.7], 0.0),
 ];
 
 /// Chairs: centre, yaw.
-const CHAIRS: [([f64; 2], f64); 5] = [
-    ([3.1, 4.1], -FRAC_PI_2),
-    ([4.0, 4.1], -FRAC_PI_2),
-    ([6.2, 0.3], FRAC_PI_2),
-    ([8.4, 5.45], 0.2),
-    ([4.3, 5.4], PI),
-];
+const CHAIRS: [([f64; 2], f64); 5] =
+    [([4.9, 3.75], -FRAC_PI_2), ([6.0, 2.6], PI), ([7.6, 3.6], PI), ([7.0, 5.1], 0.2), ([5.3, 5.0], PI)];
 
 impl World {
     /// The office with what the seed strews.
@@ -53,7 +50,7 @@ impl World {
         let mut world = Self::empty();
         world.legs_m = LEGS.iter().map(|leg| leg.to_vec()).collect();
         world.endless = true;
-        world.start = Pose2::new(1.5, 1.5, 0.0);
+        world.start = Pose2::new(1.6, 1.35, 0.0);
         walls(&mut world.solids);
         world.walkers = walkers();
         let mut way: Vec<[f64; 2]> = LEGS.iter().flat_map(|leg| resample(leg, 0.1)).collect();
@@ -71,12 +68,12 @@ fn walls(solids: &mut Vec<Solid>) {
     wall([12.0, 0.0], [12.0, 8.0]);
     wall([12.0, 8.0], [0.0, 8.0]);
     wall([0.0, 8.0], [0.0, 0.0]);
-    // Doors of 0.95 m at x = 2 and x = 10, of 1.0 m at y = 6.5.
-    wall([0.0, 5.0], [1.525, 5.0]);
-    wall([2.475, 5.0], [9.525, 5.0]);
-    wall([10.475, 5.0], [12.0, 5.0]);
-    wall([6.0, 5.0], [6.0, 6.0]);
-    wall([6.0, 7.0], [6.0, 8.0]);
+    // Doors of 0.95 m at x = 2 and x = 10, of 1.0 m at y = 6.4.
+    wall([0.0, 4.0], [1.525, 4.0]);
+    wall([2.475, 4.0], [9.525, 4.0]);
+    wall([10.475, 4.0], [12.0, 4.0]);
+    wall([6.0, 4.0], [6.0, 5.9]);
+    wall([6.0, 6.9], [6.0, 8.0]);
 }
 
 /// A point of a piece of furniture in the world.
@@ -126,11 +123,11 @@ fn furniture(solids: &mut Vec<Solid>, way: &[[f64; 2]], random: &mut Random) {
     }
     // Shelves and cabinets along the walls, a coat stand, a pole.
     for (centre, size, top) in
-        [([0.3, 4.2], [0.4, 1.0], 1.8), ([11.7, 7.0], [0.4, 1.6], 1.9), ([0.35, 7.0], [0.45, 1.2], 0.75)]
+        [([0.3, 3.3], [0.4, 1.0], 1.8), ([11.7, 7.0], [0.4, 1.6], 1.9), ([0.35, 7.0], [0.45, 1.2], 0.75)]
     {
         solids.push(Solid::block(centre, size, 0.0, [0.0, top]));
     }
-    for (centre, radius, top) in [([7.3, 4.4], 0.03, 1.7), ([11.2, 4.3], 0.15, 0.5), ([4.9, 0.35], 0.15, 0.6)]
+    for (centre, radius, top) in [([7.0, 4.4], 0.03, 1.7), ([11.4, 3.5], 0.15, 0.5), ([4.9, 0.3], 0.15, 0.6)]
     {
         solids.push(Solid::column(centre, radius, [0.0, top]));
     }
@@ -148,21 +145,27 @@ fn strew(solids: &mut Vec<Solid>, way: &[[f64; 2]], random: &mut Random, count: 
         let block = Solid::block(centre, size, random.between(0.0, PI), [0.0, random.between(0.1, 0.6)]);
         let apart = solids.iter().all(|solid| solid.gap_m(&block.corners()) > 0.05);
         let off_start = block.distance_m(LEGS[0][0]) > START_FREE_M;
-        if apart && off_start && is_free(&[block], way, FREE_M + 0.15) {
+        if apart && off_start && !hides_a_turn(centre) && is_free(&[block], way, FREE_M + 0.15) {
             solids.push(block);
             left -= 1;
         }
     }
 }
 
+/// Whether something at `centre` lies inside the loop near a turn, where it would hide the ground that the robot turns to.
+fn hides_a_turn(centre: [f64; 2]) -> bool {
+    let inside = (2.0..10.0).contains(&centre[0]) && (1.4..6.4).contains(&centre[1]);
+    inside && LEGS.iter().any(|leg| libm::hypot(leg[0][0] - centre[0], leg[0][1] - centre[1]) < 2.5)
+}
+
 fn walkers() -> Vec<Walker> {
     let walk = |waypoints_m: &[[f64; 2]], speed_m_s| Walker { waypoints_m: waypoints_m.to_vec(), speed_m_s };
     vec![
-        walk(&[[10.9, 2.2], [10.9, 3.6]], 0.4),
-        walk(&[[1.0, 4.0]], 0.0),
-        walk(&[[9.6, 7.5], [10.8, 7.3], [10.9, 6.0]], 0.5),
-        walk(&[[1.2, 7.3], [2.6, 7.4]], 0.4),
-        walk(&[[4.6, 4.3], [6.9, 4.1]], 0.6),
+        walk(&[[11.1, 2.6], [11.2, 3.3]], 0.3),
+        walk(&[[0.8, 2.4]], 0.0),
+        walk(&[[11.2, 5.0], [11.2, 6.0]], 0.4),
+        walk(&[[1.2, 7.4], [2.6, 7.4]], 0.4),
+        walk(&[[3.2, 5.5], [5.4, 5.5]], 0.5),
     ]
 }
 
@@ -178,17 +181,20 @@ mod tests {
                 let clearance = world.clearance_m(point, 1.0);
                 assert!(clearance >= FREE_M, "seed {seed}: {clearance:.3} m at {point:?}");
             }
-            assert!(world.clearance_m([world.start.x_m, world.start.y_m], 1.0) >= START_FREE_M, "seed {seed}");
+            assert!(
+                world.clearance_m([world.start.x_m, world.start.y_m], 1.0) >= START_FREE_M,
+                "seed {seed}"
+            );
         }
     }
 
     #[test]
-    fn the_legs_close_a_loop_of_four_to_six_metres_each() {
+    fn the_legs_close_a_loop_of_two_to_six_metres_each() {
         for (index, leg) in LEGS.iter().enumerate() {
             let next = LEGS[(index + 1) % LEGS.len()];
             assert_eq!(leg.last(), next.first());
             let metres: f64 = leg.windows(2).map(|w| libm::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1])).sum();
-            assert!((3.5..6.5).contains(&metres), "leg {index}: {metres}");
+            assert!((2.0..6.0).contains(&metres), "leg {index}: {metres}");
         }
     }
 

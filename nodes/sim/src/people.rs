@@ -3,21 +3,21 @@
 use crate::solid::Solid;
 use sidestep_msgs::{PEOPLE_MAX, Person};
 
-/// [m] radius of a person.
+/// `[m]` radius of a person.
 const RADIUS_M: f64 = 0.25;
-/// [m] height of a person.
+/// `[m]` height of a person.
 const HEIGHT_M: f64 = 1.7;
-/// [m] a person waits when the robot's centre is nearer than this and ahead.
+/// `[m]` a person waits when the robot's centre is nearer than this and ahead.
 const POLITE_M: f64 = 1.2;
-/// [s] longest wait before turning back.
+/// `[s]` longest wait before turning back.
 const PATIENCE_S: f64 = 3.0;
 
 /// A person's way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walker {
-    /// [m] waypoints in the world, walked to and fro; one point = stands still.
+    /// `[m]` waypoints in the world, walked to and fro; one point = stands still.
     pub waypoints_m: Vec<[f64; 2]>,
-    /// [m/s] walking speed.
+    /// `[m/s]` walking speed.
     pub speed_m_s: f64,
 }
 
@@ -116,7 +116,7 @@ impl People {
         self.count as u32
     }
 
-    /// [m/s] the fastest of them.
+    /// `[m/s]` the fastest of them.
     pub(crate) fn fastest_m_s(&self, walkers: &[Walker]) -> f64 {
         walkers.iter().take(self.count).fold(0.0, |most, walker| most.max(walker.speed_m_s))
     }

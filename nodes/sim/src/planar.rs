@@ -2,7 +2,7 @@
 
 use crate::solid::{Outline, Solid};
 
-/// [m] distance from `origin_m` along the unit `direction` to the outline of a solid; infinite where it misses.
+/// `[m]` distance from `origin_m` along the unit `direction` to the outline of a solid; infinite where it misses.
 ///
 /// From inside an outline the distance is 0.
 pub(crate) fn range_m(solid: &Solid, origin_m: [f64; 2], direction: [f64; 2]) -> f64 {
@@ -36,7 +36,7 @@ pub(crate) fn range_m(solid: &Solid, origin_m: [f64; 2], direction: [f64; 2]) ->
     if leave < enter || leave < 0.0 { f64::INFINITY } else { enter.max(0.0) }
 }
 
-/// [m] shortens the ranges of evenly spread beams by one solid; only beams that can meet it are touched.
+/// `[m]` shortens the ranges of evenly spread beams by one solid; only beams that can meet it are touched.
 ///
 /// Beam `i` looks along `first_rad + i * step_rad` in the world.
 pub(crate) fn shorten(

@@ -7,7 +7,7 @@
 use crate::solid::{Outline, Solid};
 use sidestep_msgs::{Isometry, Pose2};
 
-/// [m] nothing nearer is drawn.
+/// `[m]` nothing nearer is drawn.
 const NEAR_M: f32 = 0.02;
 /// Most corners of a face after clipping at the near plane.
 const CORNERS_MAX: usize = 8;
@@ -97,7 +97,7 @@ impl View {
 /// The z-buffer.
 #[derive(Debug, Clone)]
 pub(crate) struct Raster {
-    /// [1/m] inverse depth per pixel; 0 = nothing.
+    /// `[1/m]` inverse depth per pixel; 0 = nothing.
     pub(crate) inverse_m: Vec<f32>,
     left: Vec<f32>,
     right: Vec<f32>,

@@ -5,7 +5,7 @@ use crate::world::{World, WorldError, read_text, unreadable};
 use sidestep_msgs::Pose2;
 use std::path::Path as FilePath;
 
-/// [m] height of what a planar map calls occupied.
+/// `[m]` height of what a planar map calls occupied.
 const WALL_TOP_M: f64 = 1.0;
 
 /// What the yaml file says.

@@ -1,14 +1,14 @@
 //! When the node does what: a tick every 10 ms, a frame at its intended time, rendered while the pipeline rests.
 
-/// [ns] between two odometry messages.
+/// `[ns]` between two odometry messages.
 const TICK_NS: u64 = 10_000_000;
 /// Odometry messages per message of the ultrasonic sensors.
 pub(crate) const TICKS_PER_RANGES: u64 = 5;
 /// Odometry messages per word on the clock.
 pub(crate) const TICKS_PER_CLOCK: u64 = 100;
-/// [ns] a frame is rendered this long after the last one was sent, if no command about that came before.
+/// `[ns]` a frame is rendered this long after the last one was sent, if no command about that came before.
 const RENDER_AFTER_NS: u64 = 25_000_000;
-/// [ns] ticks older than this are not made up for.
+/// `[ns]` ticks older than this are not made up for.
 const STALL_NS: u64 = 100_000_000;
 
 /// The plan of the node, in graph time.
@@ -55,7 +55,7 @@ impl Schedule {
         Some(due)
     }
 
-    /// [ns] intended time of the next frame.
+    /// `[ns]` intended time of the next frame.
     pub(crate) fn capture_ns(&self) -> u64 {
         self.first_frame_ns + (self.frame as f64 * self.period_ns) as u64
     }
@@ -89,7 +89,7 @@ impl Schedule {
         due
     }
 
-    /// [ns] when something is due next.
+    /// `[ns]` when something is due next.
     pub(crate) fn wake_ns(&self) -> u64 {
         let frame_ns = if self.rendered { self.capture_ns() } else { self.sent_ns + RENDER_AFTER_NS };
         self.next_tick_ns.min(frame_ns)

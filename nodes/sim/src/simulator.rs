@@ -14,15 +14,15 @@ use sidestep_msgs::{
     Robot, SCAN_BEAMS, Scan, Truth, Twist,
 };
 
-/// [ns] step of the integration.
+/// `[ns]` step of the integration.
 const STEP_NS: u64 = 1_000_000;
-/// [m] a path is done when the robot is this near to its end.
+/// `[m]` a path is done when the robot is this near to its end.
 const ARRIVED_M: f64 = 0.35;
-/// [m] between the points of a published path.
+/// `[m]` between the points of a published path.
 const SPACING_M: f64 = 0.1;
-/// [rad] standard deviation of the measured pitch.
+/// `[rad]` standard deviation of the measured pitch.
 const PITCH_SIGMA_RAD: f64 = 0.002;
-/// [1] standard deviation of an ultrasonic range, of the range.
+/// `[1]` standard deviation of an ultrasonic range, of the range.
 const SONAR_SIGMA: f64 = 0.01;
 /// Rays of an ultrasonic cone.
 const SONAR_RAYS: usize = 9;
@@ -101,14 +101,14 @@ impl Simulator {
         Ok(Self::new(config, robot, world, start, config.seed))
     }
 
-    /// [Hz] frames of the camera, or sweeps of the lidar of a robot without one.
+    /// `[Hz]` frames of the camera, or sweeps of the lidar of a robot without one.
     #[must_use]
     pub fn rate_hz(&self) -> f32 {
         let camera = self.robot.camera.map(|camera| camera.rate_hz);
         camera.or(self.robot.lidar.map(|lidar| lidar.rate_hz)).unwrap_or(30.0)
     }
 
-    /// [ns] graph time of the state that the sensors show.
+    /// `[ns]` graph time of the state that the sensors show.
     #[must_use]
     pub fn now_ns(&self) -> u64 {
         self.now_ns

@@ -5,18 +5,18 @@
 pub enum Outline {
     /// A rectangle turned by a yaw.
     Rectangle {
-        /// [m] half of the side along the solid's own x axis.
+        /// `[m]` half of the side along the solid's own x axis.
         half_length_m: f64,
-        /// [m] half of the side along the solid's own y axis.
+        /// `[m]` half of the side along the solid's own y axis.
         half_width_m: f64,
-        /// [1] cosine of the yaw in the world.
+        /// `[1]` cosine of the yaw in the world.
         cos: f64,
-        /// [1] sine of the yaw in the world.
+        /// `[1]` sine of the yaw in the world.
         sin: f64,
     },
     /// A disc.
     Disc {
-        /// [m] radius.
+        /// `[m]` radius.
         radius_m: f64,
     },
 }
@@ -24,13 +24,13 @@ pub enum Outline {
 /// An upright prism or cylinder in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solid {
-    /// [m] centre along x of the world.
+    /// `[m]` centre along x of the world.
     pub x_m: f64,
-    /// [m] centre along y of the world.
+    /// `[m]` centre along y of the world.
     pub y_m: f64,
-    /// [m] lower face above the floor.
+    /// `[m]` lower face above the floor.
     pub bottom_m: f64,
-    /// [m] upper face above the floor.
+    /// `[m]` upper face above the floor.
     pub top_m: f64,
     /// Shape on the floor.
     pub outline: Outline,
@@ -61,7 +61,7 @@ impl Solid {
         Self { x_m: centre_m[0], y_m: centre_m[1], bottom_m: height_m[0], top_m: height_m[1], outline }
     }
 
-    /// [m] radius of the circle round the centre that holds the outline.
+    /// `[m]` radius of the circle round the centre that holds the outline.
     #[must_use]
     pub fn reach_m(&self) -> f64 {
         match self.outline {
@@ -72,7 +72,7 @@ impl Solid {
         }
     }
 
-    /// [m] corners of a rectangle, counter-clockwise; of the square round a disc.
+    /// `[m]` corners of a rectangle, counter-clockwise; of the square round a disc.
     #[must_use]
     pub fn corners(&self) -> [[f64; 2]; 4] {
         let (l, w, cos, sin) = match self.outline {
@@ -85,7 +85,7 @@ impl Solid {
             .map(|[x, y]| [self.x_m + cos * x - sin * y, self.y_m + sin * x + cos * y])
     }
 
-    /// [m] distance of a point on the floor to the outline; 0 inside.
+    /// `[m]` distance of a point on the floor to the outline; 0 inside.
     #[must_use]
     pub fn distance_m(&self, point_m: [f64; 2]) -> f64 {
         let (dx, dy) = (point_m[0] - self.x_m, point_m[1] - self.y_m);
@@ -105,7 +105,7 @@ impl Solid {
         self.bottom_m < top_m && self.top_m > 0.0
     }
 
-    /// [m] distance between the outline and a convex polygon, counter-clockwise; 0 where they overlap.
+    /// `[m]` distance between the outline and a convex polygon, counter-clockwise; 0 where they overlap.
     #[must_use]
     pub fn gap_m(&self, polygon_m: &[[f64; 2]]) -> f64 {
         match self.outline {

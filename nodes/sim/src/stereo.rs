@@ -7,25 +7,25 @@ use crate::random::{Random, mix};
 use crate::raster::View;
 use sidestep_msgs::Camera;
 
-/// [m] per unit of a pixel.
+/// `[m]` per unit of a pixel.
 pub(crate) const UNIT_M: f32 = 0.001;
 /// Entries of the table; a power of two.
 const TABLE: usize = 1 << 15;
-/// [px] most columns.
+/// `[px]` most columns.
 const WIDTH_MAX: usize = 640;
-/// [1] of 256: pixels lost anywhere.
+/// `[1]` of 256: pixels lost anywhere.
 const LOST: f32 = 8.0;
-/// [1] of 256, per unit of the tangent of incidence beyond [`GRAZING`]: pixels lost on grazing surfaces and edges.
+/// `[1]` of 256, per unit of the tangent of incidence beyond [`GRAZING`]: pixels lost on grazing surfaces and edges.
 const LOST_GRAZING: f32 = 6.0;
-/// [1] tangent of incidence from which pixels are lost.
+/// `[1]` tangent of incidence from which pixels are lost.
 const GRAZING: f32 = 6.0;
-/// [1] of 256: most pixels lost, at edges.
+/// `[1]` of 256: most pixels lost, at edges.
 const LOST_MOST: f32 = 110.0;
-/// [1] of 256, per metre beyond the range of use.
+/// `[1]` of 256, per metre beyond the range of use.
 const LOST_FAR: f32 = 30.0;
-/// [1] ratio of inverse depths from which a neighbour is another surface.
+/// `[1]` ratio of inverse depths from which a neighbour is another surface.
 const EDGE: f32 = 1.06;
-/// [1] a measurement is possible up to this multiple of the range of use.
+/// `[1]` a measurement is possible up to this multiple of the range of use.
 pub(crate) const FAR_FACTOR: f32 = 2.0;
 
 /// The camera's errors.

@@ -5,7 +5,7 @@ use crate::solid::Solid;
 use sidestep_msgs::Pose2;
 use std::path::Path as FilePath;
 
-/// [m] distances beyond this are reported as this.
+/// `[m]` distances beyond this are reported as this.
 pub const CLEARANCE_MAX_M: f64 = 3.0;
 
 /// Why a world was refused.
@@ -49,7 +49,7 @@ pub struct World {
     pub walkers: Vec<Walker>,
     /// Where the robot starts.
     pub start: Pose2,
-    /// [m] paths in the world, followed one after the other.
+    /// `[m]` paths in the world, followed one after the other.
     pub legs_m: Vec<Vec<[f64; 2]>>,
     /// Whether the first path follows the last.
     pub endless: bool,
@@ -92,7 +92,7 @@ impl World {
         }
     }
 
-    /// [m] distance of a point on the floor to the nearest solid that reaches below `top_m`, up to
+    /// `[m]` distance of a point on the floor to the nearest solid that reaches below `top_m`, up to
     /// [`CLEARANCE_MAX_M`].
     #[must_use]
     pub fn clearance_m(&self, point_m: [f64; 2], top_m: f64) -> f64 {

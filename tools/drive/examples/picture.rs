@@ -8,9 +8,9 @@ use sidestep_sim::{Outline, World};
 use std::error::Error;
 use std::fmt::Write;
 
-/// [m] of the world to pixels.
+/// `[m]` of the world to pixels.
 const SCALE: f64 = 60.0;
-/// [s] length of each drive.
+/// `[s]` length of each drive.
 const DRIVE_S: f64 = 60.0;
 /// Seed of the office.
 const SEED: u64 = 1;
@@ -42,19 +42,26 @@ fn main() -> Result<(), Box<dyn Error>> {
         let fill = if solid.bottom_m > 0.3 { "#e4d8c4" } else { "#5b6470" };
         if let Outline::Disc { radius_m } = solid.outline {
             let (x, y) = place(solid.x_m, solid.y_m, corner_m);
-            writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"{fill}\"/>", radius_m * SCALE)?;
+            writeln!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"{fill}\"/>",
+                radius_m * SCALE
+            )?;
         } else {
             let corners = solid.corners().map(|[x_m, y_m]| place(x_m, y_m, corner_m));
             let points: Vec<_> = corners.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
             writeln!(svg, "<polygon points=\"{}\" fill=\"{fill}\"/>", points.join(" "))?;
         }
     }
-    for (row, (lead, colour)) in [(Winner::Expert, "#c2452d"), (Winner::Policy, "#2667b0")].into_iter().enumerate() {
+    for (row, (lead, colour)) in
+        [(Winner::Expert, "#c2452d"), (Winner::Policy, "#2667b0")].into_iter().enumerate()
+    {
         let mut setup = Setup::shipped(robot.clone(), world.clone(), lead);
         setup.policy = Some(Policy::load(sidestep_policy::embedded(), "embedded", &robot)?);
         let mut drive = Drive::new(setup)?;
         let outcome = drive.run(u32::MAX, DRIVE_S);
-        let points: Vec<_> = outcome.trace.iter().map(|point| place(point.pose.x_m, point.pose.y_m, corner_m)).collect();
+        let points: Vec<_> =
+            outcome.trace.iter().map(|point| place(point.pose.x_m, point.pose.y_m, corner_m)).collect();
         let line: Vec<_> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let style = "fill=\"none\" stroke-width=\"3\" stroke-linejoin=\"round\" opacity=\"0.85\"";
         writeln!(svg, "<polyline points=\"{}\" {style} stroke=\"{colour}\"/>", line.join(" "))?;

@@ -6,8 +6,8 @@ use sidestep_expert::Expert;
 use sidestep_goal::Goal;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, SafetyMap, Scan, Status,
-    Winner,
+    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, SafetyMap, Scan,
+    Status, Winner,
 };
 use sidestep_policy::Policy;
 

@@ -6,13 +6,13 @@ use sidestep_msgs::{Command, DepthFrame, Odometry, Path, Pose2, Ranges, Robot, S
 use sidestep_policy::Policy;
 use sidestep_sim::{Simulator, World};
 
-/// [ns] graph time at which every drive begins.
+/// `[ns]` graph time at which every drive begins.
 const BEGIN_NS: u64 = 1_000_000_000;
-/// [ns] between two commands.
+/// `[ns]` between two commands.
 const TICK_NS: u64 = 10_000_000;
 /// Ticks per message of the ultrasonic sensors.
 const TICKS_PER_RANGES: u64 = 5;
-/// [1] of a frame period: when the first frame comes.
+/// `[1]` of a frame period: when the first frame comes.
 const PHASE: f64 = 0.37;
 
 /// Why a drive could not begin.
@@ -167,7 +167,10 @@ impl Drive {
 
     /// Drives until `arrivals` goals are reached, something is hit, or `limit_s` have passed.
     pub fn run(&mut self, arrivals: u32, limit_s: f64) -> &Outcome {
-        while self.outcome.arrivals < arrivals && self.outcome.collisions == 0 && self.outcome.time_s < limit_s {
+        while self.outcome.arrivals < arrivals
+            && self.outcome.collisions == 0
+            && self.outcome.time_s < limit_s
+        {
             self.tick();
         }
         &self.outcome

@@ -3,19 +3,19 @@
 use sidestep_msgs::{Code, Command, Pose2, Reason, Truth, Twist, Winner};
 use std::collections::BTreeMap;
 
-/// [m/s] and [rad/s] slower than this is standing.
+/// `[m/s]` and [rad/s] slower than this is standing.
 const STANDING: f32 = 0.02;
 
 /// A moment of a drive, for drawing and for finding out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
-    /// [s] since the start of the drive.
+    /// `[s]` since the start of the drive.
     pub time_s: f64,
     /// True pose in the world.
     pub pose: Pose2,
     /// True velocity.
     pub twist: Twist,
-    /// [m] gap to the nearest thing.
+    /// `[m]` gap to the nearest thing.
     pub clearance_m: f32,
     /// What the winner wished.
     pub wish: Twist,
@@ -32,13 +32,13 @@ pub struct Outcome {
     pub arrivals: u32,
     /// Contacts begun while moving.
     pub collisions: u32,
-    /// [m] smallest gap to anything.
+    /// `[m]` smallest gap to anything.
     pub min_clearance_m: f32,
-    /// [s] time driven.
+    /// `[s]` time driven.
     pub time_s: f64,
-    /// [m] way driven.
+    /// `[m]` way driven.
     pub distance_m: f64,
-    /// [s] time spent standing.
+    /// `[s]` time spent standing.
     pub standing_s: f64,
     /// Commands by reason.
     pub reasons: BTreeMap<&'static str, u64>,
@@ -83,7 +83,8 @@ impl Outcome {
     pub fn summary(&self) -> String {
         let mut reasons: Vec<_> = self.reasons.iter().collect();
         reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
-        let listed: Vec<_> = reasons.iter().take(6).map(|(reason, count)| format!("{reason} {count}")).collect();
+        let listed: Vec<_> =
+            reasons.iter().take(6).map(|(reason, count)| format!("{reason} {count}")).collect();
         format!(
             "{} arrivals, {} collisions, clearance {:.3} m, {:.1} s of it {:.1} standing, {:.1} m; {}",
             self.arrivals,

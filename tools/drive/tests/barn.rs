@@ -1,5 +1,5 @@
 //! BARN worlds, driven by the expert with the Jackal's lidar, along the reference paths.
-#![allow(missing_docs, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test says what it expects by failing")]
 
 use sidestep_drive::{Drive, Setup};
 use sidestep_msgs::{Robot, Winner};
@@ -16,7 +16,8 @@ fn the_expert_passes_the_barn_worlds() {
     let numbers = barn_selection(&data.join("barn"), 12).unwrap();
     let only: Option<u32> = std::env::var("BARN").ok().and_then(|text| text.parse().ok());
     let worlds =
-        barn_worlds(&data.join("barn/worlds.tar.xz"), |n| only.map_or(numbers.contains(&n), |o| o == n)).unwrap();
+        barn_worlds(&data.join("barn/worlds.tar.xz"), |n| only.map_or(numbers.contains(&n), |o| o == n))
+            .unwrap();
     let (mut arrived, mut touched) = (0, 0);
     for (number, world) in worlds {
         let mut drive = Drive::new(Setup::shipped(robot.clone(), world, Winner::Expert)).unwrap();

@@ -11,13 +11,13 @@ const DEPTH_REMEDY: &str = "export depth as 16-bit greyscale PNG of at most 640 
 /// A pinhole camera without distortion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intrinsics {
-    /// [px] focal length along x.
+    /// `[px]` focal length along x.
     pub fx_px: f64,
-    /// [px] focal length along y.
+    /// `[px]` focal length along y.
     pub fy_px: f64,
-    /// [px] principal point, column.
+    /// `[px]` principal point, column.
     pub cx_px: f64,
-    /// [px] principal point, row.
+    /// `[px]` principal point, row.
     pub cy_px: f64,
 }
 

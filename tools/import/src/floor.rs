@@ -12,11 +12,11 @@ use sidestep_msgs::{DepthFrame, Isometry};
 const POINTS: usize = 4000;
 /// Planes tried.
 const TRIES: usize = 400;
-/// [1/m] a pixel this close to the plane belongs to it.
+/// `[1/m]` a pixel this close to the plane belongs to it.
 const CLOSE_PER_M: f64 = 0.02;
-/// [m] nearer and farther pixels are not used: noise of a stereo camera grows with the square of the distance.
+/// `[m]` nearer and farther pixels are not used: noise of a stereo camera grows with the square of the distance.
 const RANGE_M: std::ops::RangeInclusive<f64> = 0.3..=4.0;
-/// [m] heights above the floor that a camera on a robot or a head can have.
+/// `[m]` heights above the floor that a camera on a robot or a head can have.
 const HEIGHT_M: std::ops::RangeInclusive<f64> = 0.2..=2.0;
 /// Largest part of the floor's normal to the side of the camera: a roll of 20 degrees.
 const SIDE_MAX: f64 = 0.342;

@@ -6,7 +6,7 @@ use sidestep_msgs::{DEPTH, DepthFrame, Header, Message, ODOMETRY, PATH, Path, To
 use sidestep_recorder::{DiskFile, Origin, Writer};
 use std::path::PathBuf;
 
-/// [ns] from exposure to the arrival of an image: later odometry is there when the image is mapped.
+/// `[ns]` from exposure to the arrival of an image: later odometry is there when the image is mapped.
 const DEPTH_DELAY_NS: u64 = 20_000_000;
 
 /// What an import made.
@@ -18,9 +18,9 @@ pub struct Summary {
     pub images: usize,
     /// Images left out because no floor was found to place them by.
     pub unplaced: usize,
-    /// [s] from the first image to the last.
+    /// `[s]` from the first image to the last.
     pub duration_s: f64,
-    /// [m] way of the camera.
+    /// `[m]` way of the camera.
     pub distance_m: f64,
 }
 

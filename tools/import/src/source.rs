@@ -7,11 +7,11 @@ use crate::placing::{Placed, Up, place, turn_upright};
 use sidestep_msgs::{DepthFrame, Isometry, Odometry, PATH_POINTS, Path, PathPoint, Pose2, Twist, wrap_angle};
 use std::path::PathBuf;
 
-/// [ns] odometry of an import comes at 100 Hz.
+/// `[ns]` odometry of an import comes at 100 Hz.
 const ODOMETRY_NS: u64 = 10_000_000;
-/// [ns] graph time of image number 0: stamps of zero mean nothing to a graph.
+/// `[ns]` graph time of image number 0: stamps of zero mean nothing to a graph.
 const FIRST_NS: u64 = 1_000_000_000;
-/// [m] between two points of the path.
+/// `[m]` between two points of the path.
 const PATH_STEP_M: f64 = 0.25;
 /// Images that the height of the floor is found from.
 const FLOOR_IMAGES: usize = 25;
@@ -23,7 +23,7 @@ pub enum Placing {
     Poses {
         /// The axis of its world that points up.
         up: Up,
-        /// [m] the floor along that axis; `None` = found from the images.
+        /// `[m]` the floor along that axis; `None` = found from the images.
         floor_m: Option<f64>,
     },
     /// Nothing says it: each image is placed by its floor, and belongs to a pose epoch of its own.
@@ -38,9 +38,9 @@ pub enum Placing {
 pub struct Options {
     /// The folder: `depth/NUMBER.png` or `NUMBER.png`, `K.txt`, `poses.txt`.
     pub folder: PathBuf,
-    /// [m] of one unit of a pixel.
+    /// `[m]` of one unit of a pixel.
     pub metres_per_unit: f32,
-    /// [Hz] an image is stamped with its number divided by this.
+    /// `[Hz]` an image is stamped with its number divided by this.
     pub rate_hz: f64,
     /// The camera; `None` = `K.txt` says it.
     pub intrinsics: Option<Intrinsics>,
@@ -153,13 +153,13 @@ impl Source {
         self.images.is_empty()
     }
 
-    /// [m] height of the floor in the world of the poses.
+    /// `[m]` height of the floor in the world of the poses.
     #[must_use]
     pub fn floor_m(&self) -> f64 {
         self.floor_m
     }
 
-    /// [ns] capture stamp of an image.
+    /// `[ns]` capture stamp of an image.
     #[must_use]
     pub fn capture_ns(&self, image: usize) -> u64 {
         FIRST_NS + (self.images[image].number as f64 / self.rate_hz * 1e9) as u64

@@ -186,7 +186,7 @@ impl Collector {
     }
 }
 
-/// [ns] the capture stamp of a depth frame given as bytes.
+/// `[ns]` the capture stamp of a depth frame given as bytes.
 pub(crate) fn capture_ns(frame: &[u8]) -> Option<u64> {
     let place = std::mem::offset_of!(DepthFrame, capture_ns);
     Some(u64::from_le_bytes(frame.get(place..place + 8)?.try_into().ok()?))

@@ -3,7 +3,7 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// [ns] the range that is told apart; longer times count as the longest.
+/// `[ns]` the range that is told apart; longer times count as the longest.
 const LONGEST_NS: u64 = 10_000_000_000;
 /// Significant digits kept.
 const DIGITS: u8 = 3;
@@ -21,17 +21,17 @@ pub struct Distribution {
 pub struct Figures {
     /// Samples.
     pub count: u64,
-    /// [ms] median.
+    /// `[ms]` median.
     pub p50: Option<f64>,
-    /// [ms] nine of ten are at most this.
+    /// `[ms]` nine of ten are at most this.
     pub p90: Option<f64>,
-    /// [ms] 99 of 100 are at most this.
+    /// `[ms]` 99 of 100 are at most this.
     pub p99: Option<f64>,
-    /// [ms] 999 of 1000 are at most this.
+    /// `[ms]` 999 of 1000 are at most this.
     pub p999: Option<f64>,
-    /// [ms] the longest.
+    /// `[ms]` the longest.
     pub max: Option<f64>,
-    /// [ms] what it may take.
+    /// `[ms]` what it may take.
     pub budget: Option<f64>,
     /// Samples above the budget.
     pub misses: u64,

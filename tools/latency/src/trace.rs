@@ -11,7 +11,7 @@ pub struct Trace {
     steps: Vec<Passed>,
 }
 
-/// [us] as the format wants times.
+/// `[us]` as the format wants times.
 fn microseconds(time_ns: u64, first_ns: u64) -> f64 {
     time_ns.saturating_sub(first_ns) as f64 * 1e-3
 }
@@ -82,7 +82,7 @@ impl Trace {
     }
 }
 
-/// [ns] beginning of a step; a driver's may have no stamp of receipt.
+/// `[ns]` beginning of a step; a driver's may have no stamp of receipt.
 fn start_ns(step: &Passed) -> u64 {
     if step.stamp.receive_ns == 0 {
         step.stamp.send_ns

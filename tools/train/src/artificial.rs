@@ -17,11 +17,11 @@ pub(crate) const PARTLY_UNKNOWN: u8 = 128;
 /// What the policy would see, without labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// [1/255] planning cost.
+    /// `[1/255]` planning cost.
     pub planning_cost: [u8; LOCAL_CELLS],
     /// Cell of the goal, projected.
     pub goal_cell: usize,
-    /// [m] goal before projection.
+    /// `[m]` goal before projection.
     pub goal_m: [f32; 2],
     /// u'.
     pub twist: Twist,
@@ -36,7 +36,7 @@ struct Shape {
     y_m: f32,
     cos: f32,
     sin: f32,
-    /// [m] half length and half width; a disc where the second is zero.
+    /// `[m]` half length and half width; a disc where the second is zero.
     half_m: [f32; 2],
 }
 
@@ -64,7 +64,7 @@ impl Shape {
 /// Occupancy in [0, 1] on the canvas.
 type Canvas = [f32; SIDE * SIDE];
 
-/// [m] centre of a canvas cell in `base`.
+/// `[m]` centre of a canvas cell in `base`.
 fn centre(row: usize, col: usize) -> (f32, f32) {
     let cell =
         |from: f32, index: usize| from + (LOCAL_SIDE as f32 - 1.0 + BORDER as f32 - index as f32 + 0.5) * 0.1;

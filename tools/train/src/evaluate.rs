@@ -23,13 +23,13 @@ pub struct EvaluateOptions {
 /// Mean and deviation of the absolute error.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Errors {
-    /// [m/s] mean of |v|.
+    /// `[m/s]` mean of |v|.
     pub v_mean: f64,
-    /// [m/s] standard deviation of |v|.
+    /// `[m/s]` standard deviation of |v|.
     pub v_std: f64,
-    /// [rad/s] mean of |w|.
+    /// `[rad/s]` mean of |w|.
     pub w_mean: f64,
-    /// [rad/s] standard deviation of |w|.
+    /// `[rad/s]` standard deviation of |w|.
     pub w_std: f64,
     /// Mean length of the error (v, w).
     pub l2_mean: f64,
@@ -38,7 +38,7 @@ pub struct Errors {
 /// One window, all pairs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Window {
-    /// [s] a command lies within u' +- acceleration x this.
+    /// `[s]` a command lies within u' +- acceleration x this.
     pub window_s: f32,
     /// Policy against the solved expert.
     pub policy_solved: Errors,

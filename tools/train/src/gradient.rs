@@ -11,7 +11,7 @@ use sidestep_policy::{
 
 /// Samples whose planes are kept at once: what fits the second-level cache.
 const CHUNK: usize = 8;
-/// [m/s, rad/s] error at which the loss turns from quadratic to linear.
+/// `[m/s, rad/s]` error at which the loss turns from quadratic to linear.
 const HUBER: f32 = 0.05;
 /// Largest pull of the doubt, so that one surprise cannot shake the trunk.
 const DOUBT_PULL_MAX: f32 = 10.0;
@@ -34,7 +34,7 @@ pub(crate) struct Sums {
     pub(crate) loss: f64,
     /// Loss of the doubt.
     pub(crate) doubt_loss: f64,
-    /// [m/s, rad/s] absolute error within the window.
+    /// `[m/s, rad/s]` absolute error within the window.
     pub(crate) error: [f64; 2],
 }
 

@@ -59,7 +59,7 @@ pub enum Source {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Record {
-    /// [1/255] planning cost, row by row, as `LocalMap` has it.
+    /// `[1/255]` planning cost, row by row, as `LocalMap` has it.
     pub planning_cost: [u8; LOCAL_CELLS],
     /// Cell of the goal, projected to the border where it lies outside.
     pub goal_cell: u16,
@@ -69,19 +69,19 @@ pub struct Record {
     pub kind: u8,
     /// World that the record was taken in, for splits by world; its own number for an artificial map.
     pub world: u32,
-    /// [m] goal before projection, x in `base`.
+    /// `[m]` goal before projection, x in `base`.
     pub goal_x_m: f32,
-    /// [m] goal before projection, y in `base`.
+    /// `[m]` goal before projection, y in `base`.
     pub goal_y_m: f32,
     /// u', v [m/s] and w [rad/s].
     pub velocity: [f32; 2],
     /// Best of 734 candidates: v [m/s] and w [rad/s], before any window.
     pub label_734: [f32; 2],
-    /// [1] its J of eq. (6).
+    /// `[1]` its J of eq. (6).
     pub cost_734: f32,
     /// Solved: v [m/s] and w [rad/s], before any window.
     pub label_solved: [f32; 2],
-    /// [1] its J of eq. (6).
+    /// `[1]` its J of eq. (6).
     pub cost_solved: f32,
     /// Seed of this sample within the dataset's seed.
     pub stream: u64,

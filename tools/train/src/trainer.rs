@@ -75,7 +75,7 @@ impl TrainOptions {
 pub struct TrainReport {
     /// Samples seen.
     pub samples: u64,
-    /// [m/s, rad/s] mean absolute error of the last steps, within the label's window.
+    /// `[m/s, rad/s]` mean absolute error of the last steps, within the label's window.
     pub error: [f64; 2],
     /// Parameters.
     pub parameters: usize,

@@ -7,9 +7,9 @@ use sidestep_msgs::{DepthFrame, Isometry, Odometry, Pose2, Robot};
 /// A box that stands or hangs: least and greatest corner in `odom`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Block {
-    /// [m] least corner.
+    /// `[m]` least corner.
     pub(crate) least: [f64; 3],
-    /// [m] greatest corner.
+    /// `[m]` greatest corner.
     pub(crate) most: [f64; 3],
 }
 
@@ -18,7 +18,7 @@ pub(crate) struct Block {
 pub(crate) struct Scene {
     /// Boxes.
     pub(crate) blocks: Vec<Block>,
-    /// [m] rectangles (x from, x to, y from, y to) where the floor lies 0.5 m deeper.
+    /// `[m]` rectangles (x from, x to, y from, y to) where the floor lies 0.5 m deeper.
     pub(crate) holes: Vec<[f64; 4]>,
     /// Where the floor gives no return.
     pub(crate) black: Vec<[f64; 4]>,
@@ -29,9 +29,9 @@ pub(crate) struct Scene {
 pub(crate) struct View {
     /// Pose of `base` in `odom`.
     pub(crate) pose: Pose2,
-    /// [rad] roll of the body.
+    /// `[rad]` roll of the body.
     pub(crate) roll_rad: f32,
-    /// [rad] pitch of the body.
+    /// `[rad]` pitch of the body.
     pub(crate) pitch_rad: f32,
     /// Camera in `body`.
     pub(crate) camera: Isometry,
