@@ -1,6 +1,6 @@
 //! Training: a dataset of labelled maps, a network that learns them, a model file, and a figure for how well.
 //!
-//! Commands: [`dataset`], [`dataset_info`], [`train`], [`evaluate`]. All of them give the same bytes for any number of
+//! Commands: [`dataset`], [`dataset_info`], [`train`], [`evaluate()`]. All of them give the same bytes for any number of
 //! threads; `train` also after an interruption. File formats: the dataset ([`Header`], [`Record`]) and ONNX with the
 //! contract of `sidestep-policy`.
 
