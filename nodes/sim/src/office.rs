@@ -21,12 +21,12 @@ const LEG_RADIUS_M: f64 = 0.016;
 /// The loop, leg by leg: each leg begins where the one before ends. Turns lie at the ends of legs, after
 /// straight stretches, so that a camera of 55 degrees has seen the ground on which the robot turns.
 const LEGS: [&[[f64; 2]]; 6] = [
-    &[[1.6, 1.35], [5.8, 1.35]],
-    &[[5.8, 1.35], [9.9, 2.25]],
-    &[[9.9, 2.25], [10.0, 3.2], [10.0, 5.0], [9.8, 6.4]],
-    &[[9.8, 6.4], [7.6, 6.4]],
-    &[[7.6, 6.4], [5.6, 6.4], [2.1, 5.6]],
-    &[[2.1, 5.6], [2.0, 4.8], [2.0, 1.8], [1.6, 1.35]],
+    &[[1.6, 1.4], [5.8, 1.4]],
+    &[[5.8, 1.4], [10.0, 1.4]],
+    &[[10.0, 1.4], [10.0, 6.7]],
+    &[[10.0, 6.7], [7.6, 6.7]],
+    &[[7.6, 6.7], [2.0, 6.7]],
+    &[[2.0, 6.7], [2.0, 1.8], [1.6, 1.4]],
 ];
 
 /// Tables: centre, size, yaw.
@@ -34,8 +34,8 @@ const TABLES: [([f64; 2], [f64; 2], f64); 6] = [
     ([5.0, 3.1], [1.6, 0.8], 0.0),
     ([6.9, 3.2], [1.2, 0.7], 0.3),
     ([11.4, 1.2], [1.4, 0.7], FRAC_PI_2),
-    ([8.2, 7.5], [1.6, 0.6], 0.0),
-    ([4.0, 7.5], [1.6, 0.6], 0.0),
+    ([8.2, 7.6], [1.6, 0.6], 0.0),
+    ([4.0, 7.6], [1.6, 0.6], 0.0),
     ([4.6, 4.6], [1.4, 0.7], 0.0),
 ];
 
@@ -50,7 +50,7 @@ impl World {
         let mut world = Self::empty();
         world.legs_m = LEGS.iter().map(|leg| leg.to_vec()).collect();
         world.endless = true;
-        world.start = Pose2::new(1.6, 1.35, 0.0);
+        world.start = Pose2::new(1.6, 1.4, 0.0);
         walls(&mut world.solids);
         world.walkers = walkers();
         let mut way: Vec<[f64; 2]> = LEGS.iter().flat_map(|leg| resample(leg, 0.1)).collect();
@@ -68,12 +68,12 @@ fn walls(solids: &mut Vec<Solid>) {
     wall([12.0, 0.0], [12.0, 8.0]);
     wall([12.0, 8.0], [0.0, 8.0]);
     wall([0.0, 8.0], [0.0, 0.0]);
-    // Doors of 0.95 m at x = 2 and x = 10, of 1.0 m at y = 6.4.
+    // Doors of 0.95 m at x = 2 and x = 10, of 1.0 m at y = 6.7.
     wall([0.0, 4.0], [1.525, 4.0]);
     wall([2.475, 4.0], [9.525, 4.0]);
     wall([10.475, 4.0], [12.0, 4.0]);
-    wall([6.0, 4.0], [6.0, 5.9]);
-    wall([6.0, 6.9], [6.0, 8.0]);
+    wall([6.0, 4.0], [6.0, 6.2]);
+    wall([6.0, 7.2], [6.0, 8.0]);
 }
 
 /// A point of a piece of furniture in the world.
@@ -154,7 +154,7 @@ fn strew(solids: &mut Vec<Solid>, way: &[[f64; 2]], random: &mut Random, count: 
 
 /// Whether something at `centre` lies inside the loop near a turn, where it would hide the ground that the robot turns to.
 fn hides_a_turn(centre: [f64; 2]) -> bool {
-    let inside = (2.0..10.0).contains(&centre[0]) && (1.4..6.4).contains(&centre[1]);
+    let inside = (2.0..10.0).contains(&centre[0]) && (1.4..6.7).contains(&centre[1]);
     inside && LEGS.iter().any(|leg| libm::hypot(leg[0][0] - centre[0], leg[0][1] - centre[1]) < 2.5)
 }
 
