@@ -102,6 +102,9 @@ fn place(plan: &NodePlan, process: u32) {
         let why = std::io::Error::last_os_error();
         eprintln!("{:>8} | cores {:?} not permitted ({why}); runs on all", plan.name, plan.cpus);
     }
+    if plan.nice > 0 {
+        give_way(process, plan.nice);
+    }
     if plan.priority > 0 && !set_priority(process, plan.priority) {
         let why = std::io::Error::last_os_error();
         let remedy = "give the user LimitRTPRIO";
@@ -126,6 +129,14 @@ fn set_priority(process: libc::pid_t, priority: u8) -> bool {
     let parameter = libc::sched_param { sched_priority: i32::from(priority) };
     // SAFETY: `parameter` outlives the call.
     unsafe { libc::sched_setscheduler(process, libc::SCHED_FIFO, &raw const parameter) == 0 }
+}
+
+#[allow(unsafe_code, reason = "std offers no nice value")]
+fn give_way(process: libc::pid_t, nice: u8) {
+    // SAFETY: setpriority has no memory preconditions; giving way is permitted to everybody.
+    unsafe {
+        libc::setpriority(libc::PRIO_PROCESS, process as libc::id_t, i32::from(nice.min(19)));
+    }
 }
 
 /// Sends a signal to a process that this launcher started.

@@ -81,6 +81,9 @@ pub(crate) struct Entry<C> {
     /// Real-time priority (SCHED_FIFO), 1 to 99; 0 = none.
     #[serde(default)]
     priority: u8,
+    /// How much it gives way to the others, 0 to 19.
+    #[serde(default)]
+    nice: u8,
     /// The node's own configuration.
     #[allow(dead_code, reason = "read for its type: a node reads the resolved file itself")]
     config: C,
@@ -95,6 +98,8 @@ struct External {
     cpus: Vec<usize>,
     #[serde(default)]
     priority: u8,
+    #[serde(default)]
+    nice: u8,
     /// Program and arguments.
     command: Vec<String>,
 }
@@ -139,6 +144,8 @@ pub(crate) struct NodePlan {
     pub(crate) cpus: Vec<usize>,
     /// Real-time priority; 0 = none.
     pub(crate) priority: u8,
+    /// How much it gives way to the others.
+    pub(crate) nice: u8,
 }
 
 /// A checked graph.
@@ -277,6 +284,7 @@ fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
         restart: entry.restart,
         cpus: entry.cpus.clone(),
         priority: entry.priority,
+        nice: entry.nice,
     }
 }
 
@@ -312,6 +320,7 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
             restart: external.restart,
             cpus: external.cpus.clone(),
             priority: external.priority,
+            nice: external.nice,
         });
     }
     if plans.is_empty() {

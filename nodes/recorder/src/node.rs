@@ -2,7 +2,7 @@
 
 use crate::{Config, Origin, Queue, QueueRoom, RecordError, Writer, file_name, kernel_class};
 use sidestep_bus::{Boot, Inbox, Keep, Link, NodeError, Step, host_ns, wall_ns};
-use sidestep_msgs::{COMMAND, DEPTH, Message, SCAN, Topic, TopicVisitor, visit_topics};
+use sidestep_msgs::{COMMAND, Message, Topic, TopicVisitor, visit_topics};
 
 /// An inbox of any topic.
 trait Source {
@@ -88,8 +88,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let mut taps = Taps { link: &link, sources: Vec::new() };
     visit_topics(&mut taps)?;
     let mut sources = taps.sources;
-    link.wake_on(DEPTH)?;
-    link.wake_on(SCAN)?;
+    // Not woken by the frame itself: whoever turns it into a command goes first, and the rings hold it meanwhile.
     link.wake_on(COMMAND)?;
     let mut told = false;
     link.run(|step| {
