@@ -116,3 +116,41 @@ fn layouts_are_printed_for_c_and_python() {
     let python = run(&["interface", "--python"]);
     assert!(python.out.contains("return \"sidestep/LocalMap/1\""), "{}", &python.out[..2000]);
 }
+
+#[test]
+fn a_recording_that_is_none_is_refused() {
+    refused(
+        &["info", "nowhere.mcap"],
+        3,
+        &["recording nowhere.mcap", "No such file", "give the path of an .mcap"],
+    );
+    refused(&["play", "nowhere.mcap"], 3, &["recording nowhere.mcap", "No such file"]);
+    refused(&["info", "Cargo.toml"], 3, &["recording Cargo.toml", "not an MCAP file"]);
+    refused(&["latency", "nowhere.mcap"], 3, &["recording nowhere.mcap"]);
+    refused(&["import", "nowhere", "out.mcap"], 3, &["nowhere"]);
+}
+
+#[test]
+fn a_missing_world_or_model_ends_the_run_with_its_path_and_remedy() {
+    let _alone = crate::harness::Alone::wait();
+    refused(
+        &["run", "sim", "--set", "sim.world=nowhere.toml"],
+        2,
+        &["nowhere.toml", "sim was given up: exit 2"],
+    );
+    refused(&["run", "sim", "--model", "nowhere.onnx"], 2, &["nowhere.onnx", "policy was given up: exit 2"]);
+    refused(&["run", "sim", "--model", "Cargo.toml"], 2, &["Cargo.toml", "policy was given up: exit 2"]);
+}
+
+#[test]
+fn tools_without_a_run_say_how_to_start_one() {
+    let folder = Folder::new("no-run");
+    let mut command = crate::harness::sidestep(&["topic", "hz", "command"]);
+    command
+        .env("XDG_RUNTIME_DIR", &folder.0)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped());
+    let outcome = crate::harness::finish(command.spawn().unwrap());
+    assert_eq!(outcome.code, 3, "{}", outcome.out);
+    assert!(outcome.err.contains("no run is alive; start one with `sidestep run`"), "{}", outcome.err);
+}

@@ -33,3 +33,6 @@ mod real_depth;
 
 // Graph files and shipped configurations agree.
 mod shipped;
+
+// Recordings as a user meets them.
+mod recordings;

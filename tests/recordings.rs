@@ -1,0 +1,43 @@
+//! Recordings as a user meets them: real depth imported, described, played into the live graph; a drive recorded and read.
+
+use crate::harness::{Alone, Folder, run, run_with_summary};
+
+#[test]
+fn real_depth_drives_the_graph_and_every_command_says_open_loop() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("walk");
+    let walk = folder.join("walk.mcap").display().to_string();
+    let imported = run(&["import", "tests/data/hololens", &walk, "--rate", "10"]);
+    assert_eq!(imported.code, 0, "{}", imported.err);
+    let info = run(&["info", &walk]);
+    assert!(info.out.contains("depth") && info.out.contains("odometry"), "{}", info.out);
+    let (outcome, summary) =
+        run_with_summary("play", &["play", &walk, "--set", "supervision.start_ms=60000"]);
+    assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
+    assert_eq!(summary["open_loop"], true, "{summary:#}");
+    let sent = |topic: &str| summary["topics"][topic]["sent"].as_u64().unwrap();
+    assert!(sent("depth") >= 50 && sent("local_map") + 5 >= sent("depth"), "{summary:#}");
+    assert!(outcome.out.contains("open loop"), "{}", outcome.out);
+}
+
+#[test]
+fn a_recorded_drive_has_its_latencies_and_a_trace() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("trace");
+    let recordings = folder.join("recordings").display().to_string();
+    let (outcome, summary) = run_with_summary(
+        "recorded",
+        &["run", "sim", "--for", "3s", "--record", &recordings, "--set", "supervision.start_ms=60000"],
+    );
+    assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
+    let recording = summary["recording"].as_str().unwrap();
+    let trace = folder.join("trace.json").display().to_string();
+    let latency = run(&["latency", recording, "--trace", &trace]);
+    assert_eq!(latency.code, 0, "{}", latency.err);
+    assert!(latency.out.contains("depth_to_command"), "{}", latency.out);
+    let events: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&trace).unwrap()).unwrap();
+    assert!(events["traceEvents"].as_array().unwrap().len() > 100);
+    for topic in ["depth", "odometry", "local_map", "safety_map", "local_goal", "command"] {
+        assert_eq!(summary["topics"][topic]["lost"], 0, "{topic}: {summary:#}");
+    }
+}
