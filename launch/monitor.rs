@@ -57,6 +57,7 @@ pub(crate) struct Monitor {
     pub(crate) began_ns: Option<u64>,
     /// Whether any command said that its sensors are a recording.
     pub(crate) open_loop: bool,
+    budgets_ms: BTreeMap<String, f64>,
     moved_ns: u64,
     stopped: bool,
 }
@@ -79,6 +80,7 @@ impl Monitor {
             winners: BTreeMap::new(),
             began_ns: None,
             open_loop: false,
+            budgets_ms: graph.budgets_ms.clone(),
             moved_ns: host_ns(),
             stopped: true,
         })
@@ -93,9 +95,10 @@ impl Monitor {
         Ok(())
     }
 
-    /// The drive begins.
+    /// The drive begins: frames from before every node was ready do not count.
     pub(crate) fn begin(&mut self, now_ns: u64) {
         self.began_ns = Some(now_ns);
+        self.latency = Collector::new(&self.budgets_ms);
     }
 
     /// Takes what arrived.
