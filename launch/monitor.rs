@@ -58,6 +58,7 @@ pub(crate) struct Monitor {
     /// Whether any command said that its sensors are a recording.
     pub(crate) open_loop: bool,
     budgets_ms: BTreeMap<String, f64>,
+    ended: bool,
     moved_ns: u64,
     stopped: bool,
 }
@@ -81,6 +82,7 @@ impl Monitor {
             began_ns: None,
             open_loop: false,
             budgets_ms: graph.budgets_ms.clone(),
+            ended: false,
             moved_ns: host_ns(),
             stopped: true,
         })
@@ -101,6 +103,11 @@ impl Monitor {
         self.latency = Collector::new(&self.budgets_ms);
     }
 
+    /// The drive is over: what the nodes do while they leave does not count.
+    pub(crate) fn end(&mut self) {
+        self.ended = true;
+    }
+
     /// Takes what arrived.
     ///
     /// # Errors
@@ -110,14 +117,16 @@ impl Monitor {
         if let Some(truth) = self.inboxes.truth.newest(&mut self.step)? {
             self.truth = Some(*truth);
         }
+        let latency = &mut self.latency;
+        let counts = !self.ended;
         while let Some(message) = self.inboxes.depth.next(&mut self.step)? {
-            self.latency.depth(message.capture_ns, message.header());
+            counts.then(|| latency.depth(message.capture_ns, message.header()));
         }
         while let Some(message) = self.inboxes.policy.next(&mut self.step)? {
-            self.latency.header(POLICY_COMMAND.index, message.header());
+            counts.then(|| latency.header(POLICY_COMMAND.index, message.header()));
         }
         while let Some(message) = self.inboxes.expert.next(&mut self.step)? {
-            self.latency.header(EXPERT_COMMAND.index, message.header());
+            counts.then(|| latency.header(EXPERT_COMMAND.index, message.header()));
         }
         while let Some(message) = self.inboxes.commands.next(&mut self.step)? {
             let (command, header) = (*message, *message.header());
@@ -127,17 +136,17 @@ impl Monitor {
     }
 
     fn command(&mut self, command: &Command, header: &Header) {
-        self.latency.header(COMMAND.index, header);
-        self.latency.command(command);
         let reason = Reason::from_code(command.reason).map_or("unknown", Reason::label);
         let winner = Winner::from_code(command.winner).map_or("unknown", Winner::label);
         let standing = command.twist.v_m_s == 0.0 && command.twist.w_rad_s == 0.0;
         if !standing {
             self.moved_ns = host_ns();
         }
-        if self.began_ns.is_none() {
+        if self.began_ns.is_none() || self.ended {
             return;
         }
+        self.latency.header(COMMAND.index, header);
+        self.latency.command(command);
         self.ticks += 1;
         self.open_loop |= command.open_loop != 0;
         *self.reasons.entry(reason).or_default() += 1;

@@ -90,6 +90,7 @@ pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let mut monitor = Monitor::new(supervisor.link(), &graph)?;
     let ended = drive(options, &mut supervisor, &mut monitor, &wishes);
     supervisor.sample_usage();
+    monitor.end();
     let heard = wishes.count();
     if ended.is_ok() && heard < 2 {
         supervisor.stop(&wishes, heard.max(1), || monitor.look().is_err() || monitor.at_rest());
