@@ -20,6 +20,19 @@ struct NodeLine {
     pss_mb: f64,
 }
 
+/// What this process itself has used.
+fn launcher() -> NodeLine {
+    let usage = crate::child::usage(std::process::id());
+    NodeLine {
+        name: "launcher".to_owned(),
+        restarts: 0,
+        exit: "-".to_owned(),
+        exit_code: None,
+        cpu_s: usage.cpu_s,
+        pss_mb: usage.pss_mb,
+    }
+}
+
 /// All figures of a run.
 pub(crate) struct Summary<'a> {
     monitor: &'a Monitor,
@@ -58,7 +71,7 @@ impl<'a> Summary<'a> {
         };
         Self {
             monitor,
-            nodes: supervisor.nodes.iter().map(node).collect(),
+            nodes: supervisor.nodes.iter().map(node).chain([launcher()]).collect(),
             topics: TOPICS
                 .iter()
                 .map(topic)
