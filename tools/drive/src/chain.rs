@@ -6,8 +6,8 @@ use sidestep_expert::Expert;
 use sidestep_goal::Goal;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, SafetyMap, Scan,
-    Status, Winner,
+    Command, DepthFrame, Estop, EstopAction, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges,
+    SafetyMap, Scan, Status, Winner,
 };
 use sidestep_policy::Policy;
 
@@ -33,6 +33,7 @@ pub struct Chain {
     refining: bool,
     odometry_sequence: u64,
     ranges_sequence: u64,
+    operator_token: u64,
     frames: u64,
     local: LocalMap,
     safety: Box<SafetyMap>,
@@ -62,6 +63,7 @@ impl Chain {
             refining: setup.expert.mode == sidestep_expert::Lead::Refined,
             odometry_sequence: 0,
             ranges_sequence: 0,
+            operator_token: 0,
             frames: 0,
             local: LocalMap::default(),
             safety: Box::default(),
@@ -89,6 +91,12 @@ impl Chain {
     /// Takes a path.
     pub fn path(&mut self, path: &Path) {
         self.goal.path(path);
+    }
+
+    /// Says something as the operator.
+    pub fn operator(&mut self, action: EstopAction) {
+        self.operator_token += 1;
+        self.arbiter.estop(&Estop { token: self.operator_token, action: action as u32, _pad: 0 });
     }
 
     /// Takes a frame and brings its map, goal and proposals to the arbiter; returns the mapper's status.

@@ -2,7 +2,9 @@
 
 use crate::chain::{Chain, Image};
 use crate::outcome::Outcome;
-use sidestep_msgs::{Command, DepthFrame, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Winner};
+use sidestep_msgs::{
+    Command, DepthFrame, EstopAction, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Winner,
+};
 use sidestep_policy::Policy;
 use sidestep_sim::{Simulator, World};
 
@@ -163,6 +165,11 @@ impl Drive {
     fn drive(&mut self, now_ns: u64) {
         self.chain.command(now_ns, &mut self.command);
         self.simulator.command(&self.command, now_ns);
+    }
+
+    /// Says something as the operator: emergency stop, reset, hold, resume.
+    pub fn operator(&mut self, action: EstopAction) {
+        self.chain.operator(action);
     }
 
     /// Drives until `arrivals` goals are reached, something is hit, or `limit_s` have passed.

@@ -2,8 +2,11 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test says what it expects by failing")]
 
 use sidestep_drive::{Drive, Setup};
-use sidestep_msgs::{Robot, Winner};
-use sidestep_sim::World;
+use sidestep_mapper::Mapper;
+use sidestep_msgs::{
+    Command, DepthFrame, EstopAction, Odometry, Pose2, Robot, SAFETY_GRID, SafetyMap, Twist, Winner,
+};
+use sidestep_sim::{Simulator, Solid, World};
 
 fn robot(name: &str) -> Robot {
     let path = format!("{}/../../launch/robots/{name}.toml", env!("CARGO_MANIFEST_DIR"));
@@ -32,4 +35,66 @@ fn the_expert_goes_round_the_office() {
     let outcome = drive.run(5, 90.0);
     println!("{}", outcome.summary());
     assert!(outcome.arrivals == 5 && outcome.collisions == 0, "{}", outcome.summary());
+}
+
+/// Held on the way for five minutes of simulated time, the robot goes on to its goals: what it knew of the last metre,
+/// which the camera cannot see, still counts.
+#[test]
+fn standing_for_five_minutes_then_driving_on_works() {
+    let mut drive = Drive::new(setup("loomo", World::office(1))).unwrap();
+    drive.run(u32::MAX, 5.0);
+    drive.operator(EstopAction::Hold);
+    drive.run(u32::MAX, 305.0);
+    let held_m = drive.outcome().distance_m;
+    assert!(drive.outcome().standing_s > 290.0, "{}", drive.outcome().summary());
+    drive.operator(EstopAction::Resume);
+    let outcome = drive.run(2, 360.0);
+    println!("{}", outcome.summary());
+    assert!(
+        outcome.arrivals >= 2 && outcome.collisions == 0 && outcome.distance_m > held_m,
+        "{}",
+        outcome.summary()
+    );
+}
+
+/// Creeps up to a box in front of a far wall until it is below the camera's view, with the noise of the stereo camera:
+/// from where it is first marked, the face of the box stays occupied all the way.
+#[test]
+fn a_box_stays_occupied_until_it_is_below_the_view() {
+    const FACE_M: f64 = 2.0;
+    for height_m in [0.1, 0.3, 0.5] {
+        let mut world = World::empty();
+        world.solids.push(Solid::block([FACE_M + 0.15, 0.0], [0.3, 0.4], 0.0, [0.0, height_m]));
+        world.solids.push(Solid::wall([6.0, -3.0], [6.0, 3.0], 0.1, 2.4));
+        let robot = robot("loomo");
+        let mut simulator = Simulator::new(&sidestep_sim::Config::default(), &robot, world, Pose2::ORIGIN, 7);
+        let mut mapper = Mapper::new(&sidestep_mapper::Config::shipped(), &robot).unwrap();
+        let (mut depth, mut map) = (Box::<DepthFrame>::default(), Box::<SafetyMap>::default());
+        let (mut odometry, mut marked, mut frames) = (Odometry::default(), false, 0);
+        let creep = Twist::new(0.2, 0.0);
+        // The front of the robot ends 5 cm before the box.
+        while odometry.pose.x_m < FACE_M - 0.14 - 0.05 {
+            frames += 1;
+            for tick in 0..3 {
+                let now_ns = frames * 33_333_333 + tick * 10_000_000;
+                simulator.command(
+                    &Command { twist: creep, valid_until_ns: now_ns + 80_000_000, ..Command::default() },
+                    now_ns,
+                );
+                simulator.advance(now_ns);
+                simulator.odometry(&mut odometry);
+                mapper.odometry(&odometry);
+            }
+            simulator.render(&mut depth);
+            mapper.depth(&depth);
+            mapper.write_safety(&mut map);
+            let (x_m, y_m) = map.pose.inverse_transform(FACE_M + 0.03, 0.0);
+            let occupied =
+                SAFETY_GRID.index(x_m as f32, y_m as f32).is_some_and(|cell| map.occupancy[cell] > 128);
+            assert!(occupied || !marked, "{height_m} m box lost at {x_m:.2} m");
+            marked |= occupied;
+            assert!(marked || x_m > 1.6, "{height_m} m box not marked at {x_m:.2} m");
+        }
+        assert!(frames > 200 && frames < 1000, "{frames} frames");
+    }
 }
