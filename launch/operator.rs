@@ -3,11 +3,13 @@
 use crate::failure::Failure;
 use crate::look::join;
 use sidestep_bus::{Keep, Outbox, Step, host_ns, pause};
-use sidestep_msgs::{COMMAND, Code, ESTOP, EstopAction, Reason, Stage, TELEOP, Teleop};
+use sidestep_msgs::{COMMAND, Code, ESTOP, Estop, EstopAction, Reason, Stage, TELEOP, Teleop};
 use std::time::Duration;
 
 /// `[ns]` time the arbiter has to acknowledge.
-const ACKNOWLEDGE_NS: u64 = 500_000_000;
+const ACKNOWLEDGE_NS: u64 = 2_000_000_000;
+/// `[ns]` pause before the same message is said again: a reset counts only once the robot stands.
+const REPEAT_NS: u64 = 100_000_000;
 /// `[ns]` time to wait for another operator's message to leave the topic.
 const TURN_NS: u64 = 1_000_000_000;
 /// Pace of teleop wishes.
@@ -23,16 +25,15 @@ pub(crate) fn say(action: EstopAction) -> Result<String, Failure> {
     let mut step = Step::new();
     let token = host_ns() | 1;
     let mut outbox = turn(&link)?;
-    link.look(&mut step)?;
-    step.originate(0, Stage::Arbiter);
-    outbox.send(&mut step, |estop| {
-        estop.token = token;
-        estop.action = action as u32;
-        estop._pad = 0;
-    })?;
     let until_ns = host_ns() + ACKNOWLEDGE_NS;
+    let mut due_ns = 0;
     while host_ns() < until_ns {
         link.look(&mut step)?;
+        if host_ns() >= due_ns {
+            due_ns = host_ns() + REPEAT_NS;
+            step.originate(0, Stage::Arbiter);
+            outbox.send(&mut step, |estop| *estop = Estop { token, action: action as u32, _pad: 0 })?;
+        }
         if let Some(command) = commands.newest(&mut step)?
             && command.operator_token == token
         {
@@ -42,14 +43,14 @@ pub(crate) fn say(action: EstopAction) -> Result<String, Failure> {
         pause(Duration::from_millis(2));
     }
     let why = format!(
-        "{} was not acknowledged within 0.5 s; is the arbiter alive? see `sidestep top`",
+        "{} was not acknowledged within 2 s; is the arbiter alive, and does the robot stand? see `sidestep top`",
         action.label()
     );
     Err(Failure::io(why))
 }
 
 /// Waits for its turn to write: operators share the topic for one message each.
-fn turn(link: &sidestep_bus::Link) -> Result<Outbox<sidestep_msgs::Estop>, Failure> {
+fn turn(link: &sidestep_bus::Link) -> Result<Outbox<Estop>, Failure> {
     let until_ns = host_ns() + TURN_NS;
     loop {
         match link.outbox(ESTOP) {
