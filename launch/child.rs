@@ -50,7 +50,7 @@ fn prefix_lines(name: &str, stream: impl Read + Send + 'static) {
     let name = name.to_owned();
     std::thread::spawn(move || {
         for line in BufReader::new(stream).lines().map_while(Result::ok) {
-            eprintln!("{name:>8} | {line}");
+            crate::output::note(format!("{name:>8} | {line}"));
         }
     });
 }
@@ -100,7 +100,10 @@ fn place(plan: &NodePlan, process: u32) {
     let process = process as libc::pid_t;
     if !plan.cpus.is_empty() && !set_affinity(process, &plan.cpus) {
         let why = std::io::Error::last_os_error();
-        eprintln!("{:>8} | cores {:?} not permitted ({why}); runs on all", plan.name, plan.cpus);
+        crate::output::note(format!(
+            "{:>8} | cores {:?} not permitted ({why}); runs on all",
+            plan.name, plan.cpus
+        ));
     }
     if plan.nice > 0 {
         give_way(process, plan.nice);
@@ -108,7 +111,10 @@ fn place(plan: &NodePlan, process: u32) {
     if plan.priority > 0 && !set_priority(process, plan.priority) {
         let why = std::io::Error::last_os_error();
         let remedy = "give the user LimitRTPRIO";
-        eprintln!("{:>8} | real-time priority {} not permitted ({why}); {remedy}", plan.name, plan.priority);
+        crate::output::note(format!(
+            "{:>8} | real-time priority {} not permitted ({why}); {remedy}",
+            plan.name, plan.priority
+        ));
     }
 }
 

@@ -310,6 +310,7 @@ fn main() -> ExitCode {
         Some(command) => execute(command),
         None => run::run(&run_options(None, arguments.flags)),
     };
+    output::flush();
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

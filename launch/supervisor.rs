@@ -149,7 +149,7 @@ impl Supervisor {
     }
 
     fn tell(&mut self, event: Event) {
-        eprintln!("{:>8} | {}", event.node, event.what);
+        crate::output::note(format!("{:>8} | {}", event.node, event.what));
         self.events.push(event);
     }
 

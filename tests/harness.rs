@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// Time after which a command that should have ended is killed and the test fails.
@@ -69,33 +70,44 @@ pub(crate) fn sidestep(arguments: &[&str]) -> Command {
     command
 }
 
-/// Waits for a child with the watchdog and gathers what it printed.
+/// What a child prints, read from its first line on: a full pipe would hold it up.
+#[derive(Debug)]
+struct Readers([JoinHandle<String>; 2]);
+
+impl Readers {
+    fn of(child: &mut Child) -> Self {
+        fn read(mut stream: impl Read + Send + 'static) -> JoinHandle<String> {
+            std::thread::spawn(move || {
+                let mut text = String::new();
+                let _ = stream.read_to_string(&mut text);
+                text
+            })
+        }
+        Self([read(child.stdout.take().unwrap()), read(child.stderr.take().unwrap())])
+    }
+
+    /// Waits for the child with the watchdog and gathers what it printed.
+    fn finish(self, mut child: Child) -> Outcome {
+        let Self([out, err]) = self;
+        let deadline_ns = sidestep_bus::host_ns() + WATCHDOG.as_nanos() as u64;
+        let status = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status;
+            }
+            if sidestep_bus::host_ns() > deadline_ns {
+                let _ = child.kill();
+                let _ = child.wait();
+                panic!("not ended after {WATCHDOG:?}:\n{}{}", out.join().unwrap(), err.join().unwrap());
+            }
+            sidestep_bus::pause(Duration::from_millis(5));
+        };
+        Outcome { code: status.code().unwrap_or(-1), out: out.join().unwrap(), err: err.join().unwrap() }
+    }
+}
+
+/// Waits for a child and gathers what it printed.
 pub(crate) fn finish(mut child: Child) -> Outcome {
-    let mut out = child.stdout.take().unwrap();
-    let mut err = child.stderr.take().unwrap();
-    let reader = std::thread::spawn(move || {
-        let mut text = String::new();
-        let _ = out.read_to_string(&mut text);
-        text
-    });
-    let errors = std::thread::spawn(move || {
-        let mut text = String::new();
-        let _ = err.read_to_string(&mut text);
-        text
-    });
-    let deadline_ns = sidestep_bus::host_ns() + WATCHDOG.as_nanos() as u64;
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if sidestep_bus::host_ns() > deadline_ns {
-            let _ = child.kill();
-            let _ = child.wait();
-            panic!("not ended after {WATCHDOG:?}:\n{}{}", reader.join().unwrap(), errors.join().unwrap());
-        }
-        sidestep_bus::pause(Duration::from_millis(5));
-    };
-    Outcome { code: status.code().unwrap_or(-1), out: reader.join().unwrap(), err: errors.join().unwrap() }
+    Readers::of(&mut child).finish(child)
 }
 
 /// Runs a command to its end.
@@ -118,12 +130,15 @@ pub(crate) fn run_with_summary(name: &str, arguments: &[&str]) -> (Outcome, Valu
 #[derive(Debug)]
 pub(crate) struct Running {
     child: Option<Child>,
+    readers: Option<Readers>,
 }
 
 impl Running {
     /// Starts `sidestep ARGUMENTS`.
     pub(crate) fn start(mut command: Command) -> Self {
-        Self { child: Some(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()) }
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let readers = Some(Readers::of(&mut child));
+        Self { child: Some(child), readers }
     }
 
     fn launcher(&self) -> u32 {
@@ -152,7 +167,7 @@ impl Running {
             let ended = self.child.as_mut().unwrap().try_wait().unwrap().is_some();
             if ended || sidestep_bus::host_ns() > deadline_ns {
                 let _ = self.child.as_mut().unwrap().kill();
-                let outcome = finish(self.child.take().unwrap());
+                let outcome = self.gather();
                 panic!("waited for {what}:\n{}{}", outcome.out, outcome.err);
             }
             sidestep_bus::pause(Duration::from_millis(2));
@@ -166,7 +181,11 @@ impl Running {
 
     /// Waits for its end.
     pub(crate) fn finish(mut self) -> Outcome {
-        finish(self.child.take().unwrap())
+        self.gather()
+    }
+
+    fn gather(&mut self) -> Outcome {
+        self.readers.take().unwrap().finish(self.child.take().unwrap())
     }
 }
 
