@@ -5,6 +5,7 @@ use crate::manifest::Graph;
 use crate::run::{Options, quoted};
 use clap::Args;
 use sidestep_import::{ImportError, Placing, Up, import_folder};
+use sidestep_msgs::DEPTH;
 use sidestep_player::{Info, PlayerError};
 use std::path::{Path, PathBuf};
 
@@ -51,7 +52,7 @@ pub(crate) fn play(
     offset_s: f64,
     run: Options,
 ) -> Result<Options, Failure> {
-    Info::read(file).map_err(|error| failure(&error))?;
+    let info = Info::read(file).map_err(|error| failure(&error))?;
     let absolute = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
     let mut settings = vec![
         format!("player.file={}", quoted(&absolute)),
@@ -59,8 +60,25 @@ pub(crate) fn play(
         format!("player.repeat={repeat}"),
         format!("player.start_offset_s={offset_s:?}"),
     ];
+    settings.extend(ages(&info));
     settings.extend(run.settings);
     Ok(Options { settings, ..run })
+}
+
+/// Frame periods for which map, goal and proposals may be believed.
+const AGE_FRAMES: f64 = 3.0;
+/// `[Hz]` the frame rate that the age limits of the shipped graphs are made for; slower cameras need longer ones.
+const AGE_RATE_HZ: f64 = 30.0;
+
+/// Age limits of the arbiter in periods of the recording's frames, where these come more slowly than a graph expects.
+fn ages(info: &Info) -> Vec<String> {
+    let frames = info.channels.iter().find(|channel| channel.topic == DEPTH.row().name && channel.count > 1);
+    let Some(rate_hz) = frames.map(|channel| channel.rate_hz).filter(|rate_hz| *rate_hz < 0.9 * AGE_RATE_HZ)
+    else {
+        return Vec::new();
+    };
+    let age_s = AGE_FRAMES / rate_hz;
+    ["map", "goal", "proposal"].map(|input| format!("arbiter.{input}_age_s={age_s:.3}")).to_vec()
 }
 
 /// Says what a recording holds.

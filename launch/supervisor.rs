@@ -165,7 +165,7 @@ impl Supervisor {
         self.link.look(&mut self.step)?;
         let mut events = Vec::new();
         for node in &mut self.nodes {
-            events.extend(node.reap(&self.graph.supervision, now_ns));
+            events.extend(node.reap(&mut self.step, &self.graph.supervision, now_ns));
             node.take_heartbeat(&mut self.step, now_ns)?;
             if late {
                 node.forgive(now_ns);
@@ -308,7 +308,7 @@ impl Supervisor {
             let _ = self.link.look(&mut self.step);
             for node in self.nodes.iter_mut().filter(|node| names.contains(&node.plan.name)) {
                 let _ = node.take_heartbeat(&mut self.step, now_ns);
-                node.leave();
+                node.leave(&mut self.step);
             }
             pause(Duration::from_millis(1));
         }

@@ -126,7 +126,7 @@ impl Watched {
             return Ok(ready);
         };
         let Some(message) = inbox.newest(step)? else { return Ok(false) };
-        if message.header().incarnation != self.incarnation {
+        if self.child.is_none() || message.header().incarnation != self.incarnation {
             return Ok(false);
         }
         self.beat_ns = now_ns;
@@ -159,10 +159,11 @@ impl Watched {
     }
 
     /// Takes note of its end.
-    pub(crate) fn reap(&mut self, limits: &Supervision, now_ns: u64) -> Option<Event> {
+    pub(crate) fn reap(&mut self, step: &mut Step, limits: &Supervision, now_ns: u64) -> Option<Event> {
         let child = self.child.as_mut()?;
         let status = child.try_wait().ok().flatten()?;
         self.child = None;
+        self.hear_last_words(step);
         self.died_ns = now_ns;
         self.usage_past.cpu_s += self.sampled.cpu_s;
         self.sampled.cpu_s = 0.0;
@@ -182,10 +183,11 @@ impl Watched {
     }
 
     /// Takes note of an end that was asked for.
-    pub(crate) fn leave(&mut self) {
+    pub(crate) fn leave(&mut self, step: &mut Step) {
         let Some(child) = &mut self.child else { return };
         if let Ok(Some(status)) = child.try_wait() {
             self.child = None;
+            self.hear_last_words(step);
             self.exit_code = status.code();
             self.exit = Some(child::ending(status));
             self.phase = Phase::Ended;
@@ -252,6 +254,14 @@ impl Watched {
     /// An event of this node.
     pub(crate) fn event(&self, host_ns: u64, what: String) -> Event {
         Event { host_ns, node: self.plan.name.clone(), what }
+    }
+
+    /// The last heartbeat of a process that is gone holds its final counts; read later, they would count twice.
+    fn hear_last_words(&mut self, step: &mut Step) {
+        let Some(Ok(Some(message))) = self.heartbeat.as_mut().map(|inbox| inbox.newest(step)) else { return };
+        if message.header().incarnation == self.incarnation {
+            self.health = Some(*message);
+        }
     }
 
     fn keep_counts(&mut self) {

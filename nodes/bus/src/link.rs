@@ -293,7 +293,9 @@ impl Link {
         let host = host_ns();
         self.read_clock(step, host)?;
         if let Some(period_ns) = self.tick_ns {
-            step.tick = step.now_ns >= *next_tick_ns;
+            // A driver's first word can set graph time far back: a tick further off than a period belongs to the old time.
+            let elsewhere = *next_tick_ns > step.now_ns + period_ns;
+            step.tick = elsewhere || step.now_ns >= *next_tick_ns;
             if step.tick {
                 // After a stall the missed ticks are not made up for.
                 *next_tick_ns = step.now_ns - step.now_ns % period_ns + period_ns;

@@ -62,6 +62,11 @@ impl Step {
             self.taken_count = 0;
             self.published = false;
         }
+        if now_ns < self.now_ns {
+            // What was due in the old time is due now: a driver's word set graph time back.
+            self.state_due_ns = 0;
+            self.wake_at_ns = self.wake_at_ns.map(|_| now_ns);
+        }
         self.now_ns = now_ns;
         self.receive_ns = receive_ns;
         self.source_frame = 0;
