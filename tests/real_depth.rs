@@ -200,7 +200,7 @@ fn floor_is_free_and_table_feet_backpack_and_wall_are_occupied_as_labelled_by_ha
         placing: Placing::FloorFit { seed: 1 },
     });
     let labels = labels::read(&root().join("tests/data/aims_labels.toml"));
-    let mut wrong = Vec::new();
+    let (mut wrong, mut floor) = (Vec::new(), [0; 2]);
     for image in 0..walk.source.len() {
         walk.step(image);
         for label in labels.iter().filter(|label| label.image == image) {
@@ -211,7 +211,9 @@ fn floor_is_free_and_table_feet_backpack_and_wall_are_occupied_as_labelled_by_ha
                     verdict.near_occupied as f64 >= 0.95 * f64::from(verdict.cells) && verdict.free == 0
                 }
                 Thing::Floor => {
-                    verdict.free as f64 >= 0.9 * f64::from(verdict.cells) && verdict.occupied == 0
+                    floor = [floor[0] + verdict.cells, floor[1] + verdict.free];
+                    // One image alone leaves cells unknown far away; none may be called occupied.
+                    4 * verdict.free >= 3 * verdict.cells && verdict.occupied == 0
                 }
             };
             if verdict.cells == 0 || !needed {
@@ -223,5 +225,7 @@ fn floor_is_free_and_table_feet_backpack_and_wall_are_occupied_as_labelled_by_ha
             picture::depth(&format!("aims-{image}-depth"), &walk.frame);
         }
     }
+    println!("floor: {} of {} cells free", floor[1], floor[0]);
     assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(100 * floor[1] >= 95 * floor[0], "{floor:?}");
 }

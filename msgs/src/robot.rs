@@ -321,6 +321,14 @@ impl Robot {
         self.footprint.polygon_m.iter().fold(0.0, |most, corner| most.max(corner[1].abs()))
     }
 
+    /// `[rad]` bearing of the edge of what camera or scanner see, from straight ahead.
+    #[must_use]
+    pub fn half_view_rad(&self) -> f32 {
+        let camera = self.camera.map(|camera| libm::atan2f(0.5 * camera.width_px as f32, camera.focal_px));
+        let scanner = self.lidar.map(|lidar| 0.5 * lidar.field_of_view_rad);
+        camera.or(scanner).unwrap_or(core::f32::consts::PI)
+    }
+
     /// `[m]` radius of the circle round the axle that holds the footprint.
     #[must_use]
     pub fn radius_m(&self) -> f32 {

@@ -40,6 +40,10 @@ pub struct Config {
     pub lost_hold_s: f32,
     /// `[rad]` from straight behind, within which a goal keeps its side.
     pub side_rad: f32,
+    /// `[rad]` bearing up to which a goal stays where it is; beyond, it is drawn near until the edge of the view.
+    pub ahead_rad: f32,
+    /// `[m]` distance of a goal at the edge of the view and beyond: the robot turns before it drives.
+    pub turn_m: f32,
 }
 
 impl Config {
@@ -56,6 +60,8 @@ impl Config {
         target_stale_s: 0.5,
         lost_hold_s: 3.0,
         side_rad: 0.35,
+        ahead_rad: 0.2,
+        turn_m: 0.3,
     };
 
     /// Checks every range.
@@ -75,6 +81,8 @@ impl Config {
             ("target_stale_s", self.target_stale_s, 0.0, 10.0, "0 to 10"),
             ("lost_hold_s", self.lost_hold_s, 0.0, 60.0, "0 to 60"),
             ("side_rad", self.side_rad, 0.0, 1.5, "0 to 1.5"),
+            ("ahead_rad", self.ahead_rad, 0.0, 3.2, "0 to 3.2"),
+            ("turn_m", self.turn_m, 0.1, 10.0, "0.1 to 10"),
         ];
         for (key, found, least, most, needed) in ranges {
             // NaN fails the comparison.

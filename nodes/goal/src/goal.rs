@@ -1,6 +1,7 @@
 //! From path, person and map to the local goal of one frame.
 
 use crate::config::{Config, ConfigError};
+use crate::facing::Facing;
 use crate::follower;
 use crate::projection::{Projection, Side, keep_side, project};
 use crate::sight::Sight;
@@ -58,6 +59,7 @@ impl Found {
 #[derive(Debug, Clone)]
 pub struct Goal {
     config: Config,
+    facing: Facing,
     memory: Box<Memory>,
     /// Made from the path in memory.
     track: Track,
@@ -68,9 +70,14 @@ impl Goal {
     ///
     /// # Errors
     /// A value of the configuration out of range.
-    pub fn new(config: &Config, _robot: &Robot) -> Result<Self, ConfigError> {
+    pub fn new(config: &Config, robot: &Robot) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self { config: *config, memory: Box::new(Memory::zeroed()), track: Track::new() })
+        Ok(Self {
+            config: *config,
+            facing: Facing::new(config, robot),
+            memory: Box::new(Memory::zeroed()),
+            track: Track::new(),
+        })
     }
 
     /// Forgets everything, as at a new epoch.
@@ -242,7 +249,11 @@ impl Goal {
     }
 
     fn write(&mut self, found: &Found, out: &mut LocalGoal) -> Status {
-        let placed = found.place_m.and_then(|(x_m, y_m)| Some((x_m, y_m, self.cell(x_m, y_m, out.twist)?)));
+        let place_m = match found.status {
+            Status::Ok => found.place_m.map(|(x_m, y_m)| self.facing.draw_near(x_m, y_m)),
+            _ => found.place_m,
+        };
+        let placed = place_m.and_then(|(x_m, y_m)| Some((x_m, y_m, self.cell(x_m, y_m, out.twist)?)));
         let (status, kind) = match (placed, found.place_m) {
             (None, Some(_)) => (Status::NoGoal, GoalKind::Hold),
             _ => (found.status, found.kind),

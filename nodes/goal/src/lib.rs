@@ -9,6 +9,7 @@
 //! mirrored cell; no allocation after construction; no panic for any input.
 
 mod config;
+mod facing;
 mod follower;
 mod goal;
 mod node;

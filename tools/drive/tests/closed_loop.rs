@@ -1,11 +1,14 @@
-//! The expert drives, in one process.
+//! Expert and policy drive, in one process.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test says what it expects by failing")]
 
+use sidestep_arbiter::Lead;
 use sidestep_drive::{Drive, Setup};
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, EstopAction, Odometry, Pose2, Robot, SAFETY_GRID, SafetyMap, Twist, Winner,
+    Code, Command, DepthFrame, EstopAction, Odometry, Pose2, Reason, Robot, SAFETY_GRID, SafetyMap, Twist,
+    Winner,
 };
+use sidestep_policy::Policy;
 use sidestep_sim::{Simulator, Solid, World};
 
 fn robot(name: &str) -> Robot {
@@ -35,6 +38,28 @@ fn the_expert_goes_round_the_office() {
     let outcome = drive.run(5, 90.0);
     println!("{}", outcome.summary());
     assert!(outcome.arrivals == 5 && outcome.collisions == 0, "{}", outcome.summary());
+}
+
+/// Offices whose turns lie beside furniture, a minute with each lead: nobody is boxed in for want of having looked.
+#[test]
+fn turns_are_driven_over_floor_that_was_seen() {
+    for lead in [Winner::Policy, Winner::Expert] {
+        for seed in [3, 4, 8] {
+            let mut setup = setup("loomo", World::office(seed));
+            setup.arbiter.lead = if lead == Winner::Policy { Lead::Policy } else { Lead::Expert };
+            setup.sim.seed = seed;
+            setup.policy = Some(Policy::load(sidestep_policy::embedded(), "embedded", &setup.robot).unwrap());
+            let mut drive = Drive::new(setup).unwrap();
+            let outcome = drive.run(u32::MAX, 60.0);
+            println!("{lead:?}, seed {seed}: {}", outcome.summary());
+            let boxed_in = outcome.reasons.get(Reason::BoxedIn.label()).copied().unwrap_or(0);
+            assert!(
+                outcome.arrivals >= 5 && outcome.collisions == 0 && boxed_in == 0,
+                "{lead:?}, seed {seed}: {}",
+                outcome.summary()
+            );
+        }
+    }
 }
 
 /// Held on the way for five minutes of simulated time, the robot goes on to its goals: what it knew of the last metre,
