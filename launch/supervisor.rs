@@ -142,10 +142,12 @@ impl Supervisor {
             .any(|node| node.plan.name == "player" && node.phase == Phase::Ended && node.exit_code == Some(0))
     }
 
-    /// Where the recorder writes, by its own word.
+    /// Where the recorder writes, by its own word; a file that was not ended in order has kept its working name.
     pub(crate) fn recording(&self) -> Option<String> {
         let word = std::fs::read_to_string(self.names.domain.root.join("recording")).ok()?;
-        Some(word.trim().to_owned())
+        let unfinished = format!("{}.active", word.trim());
+        let is_unfinished = std::path::Path::new(&unfinished).exists();
+        Some(if is_unfinished { unfinished } else { word.trim().to_owned() })
     }
 
     fn tell(&mut self, event: Event) {

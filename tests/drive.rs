@@ -47,6 +47,31 @@ fn the_policy_drives_through_the_office_to_its_goals() {
     drives_with("policy");
 }
 
+/// Two graphs at once, as two robots on one computer: each ends as if it were alone.
+#[test]
+fn two_runs_side_by_side_do_not_meet() {
+    let _alone = crate::harness::Alone::wait();
+    let folder = crate::harness::Folder::new("side-by-side");
+    let start = |name: &str, world: &str| {
+        let recordings = folder.join(name).display().to_string();
+        let (world, start) = (format!("sim.world={world}"), "supervision.start_ms=60000");
+        let small = ["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
+        let arguments =
+            ["run", "sim", "--for", "5s", "--record", &recordings, "--set", &world, "--set", start];
+        crate::harness::Running::start(crate::harness::sidestep(&[&arguments[..], &small].concat()))
+    };
+    let (mut one, mut other) = (start("one", "office"), start("other", "room"));
+    let (one_domain, other_domain) =
+        (one.wait_for("one", |run| run.domain("sim")), other.wait_for("the other", |run| run.domain("sim")));
+    assert_ne!(one_domain, other_domain);
+    for (running, name) in [(one, "one"), (other, "other")] {
+        let outcome = running.finish();
+        assert_eq!(outcome.code, 0, "{name}: {}{}", outcome.out, outcome.err);
+        assert!(!outcome.out.contains("lost"), "{name}: {}", outcome.out);
+        assert_eq!(std::fs::read_dir(folder.join(name)).unwrap().count(), 1, "one recording of {name}");
+    }
+}
+
 #[test]
 fn the_expert_drives_through_the_office_to_its_goals() {
     drives_with("expert");

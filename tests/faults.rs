@@ -147,16 +147,7 @@ impl Drive {
         ];
         let fixed = [&fixed, SMALL].concat();
         let mut running = Running::start(sidestep(&[&fixed, settings].concat()));
-        let own = |running: &Running| {
-            let text = std::fs::read(format!("/proc/{}/environ", running.node("arbiter")?)).ok()?;
-            let text = String::from_utf8_lossy(&text).into_owned();
-            let value = |name: &str| {
-                text.split('\0')
-                    .find_map(|line| line.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
-            };
-            Some(DomainName { prefix: value(environment::DOMAIN)?, root: value(environment::ROOT)?.into() })
-        };
-        let domain = running.wait_for("its domain", own);
+        let domain = running.wait_for("its domain", |running| running.domain("arbiter"));
         let link = running.wait_for("a link", |_| Link::attach(&domain, "test", 0, 0).ok());
         let commands = link.inbox(COMMAND, Keep::All).unwrap();
         let mut drive =
@@ -206,23 +197,29 @@ fn is(command: &Command, reason: Reason) -> bool {
     Reason::from_code(command.reason) == Some(reason)
 }
 
-/// Stops a node without killing it, and looks at the order of reasons and at the ages in graph time.
-fn stops_in_time(node: &str, reasons: &[Reason]) {
-    let mut drive = Drive::start(&format!("hung-{node}"), &[]);
-    let process = drive.running.node(node).unwrap();
+/// Stops nodes without killing them, and looks at the order of reasons and at the ages in graph time.
+fn stops_in_time(nodes: &[&str], reasons: &[Reason]) {
+    let names = nodes.join("-");
+    let mut drive = Drive::start(&format!("hung-{names}"), &[]);
+    let processes: Vec<_> = nodes.iter().map(|node| drive.running.node(node).unwrap()).collect();
     let before_ns = host_ns();
-    send_signal(process, libc::SIGSTOP);
+    processes.iter().for_each(|&process| send_signal(process, libc::SIGSTOP));
     let fits = |command: &Command| reasons.iter().any(|&reason| is(command, reason));
     let seen = drive.until("the stop", fits);
     let (stop_ns, _) = seen.last().unwrap();
-    eprintln!("{node} hung: {:.0} ms to the stop command", (stop_ns - before_ns) as f64 * 1e-6);
+    eprintln!("{names} hung: {:.0} ms to the stop command", (stop_ns - before_ns) as f64 * 1e-6);
     // Until the stop, every command rested on inputs within their ages.
     for (now_ns, command) in &seen[..seen.len() - 1] {
         let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;
         assert!(fits(command) || command.twist.v_m_s == 0.0 || young, "at {now_ns}: {command:?}");
     }
-    drive.until("rest", |command| command.twist.v_m_s == 0.0);
-    drive.until("driving again", |command| command.twist.v_m_s > 0.2);
+    let since = drive.until("driving again", |command| {
+        command.scale == 1.0 && !fits(command) && command.twist.v_m_s > 0.2
+    });
+    // Until the new node speaks, the robot only ever slows.
+    let stopping: Vec<_> = since.iter().take_while(|(_, command)| fits(command)).collect();
+    let slows = |pair: &[&(u64, Command)]| pair[1].1.twist.v_m_s <= pair[0].1.twist.v_m_s;
+    assert!(stopping.len() > 3 && stopping.windows(2).all(slows), "{stopping:?}");
     let outcome = drive.end();
     assert!(outcome.err.contains("hung: no heartbeat"), "{}", outcome.err);
     assert!(outcome.err.contains("started again, incarnation 1"), "{}", outcome.err);
@@ -230,20 +227,28 @@ fn stops_in_time(node: &str, reasons: &[Reason]) {
 
 #[test]
 fn a_hung_mapper_stops_the_robot_and_is_replaced() {
-    stops_in_time("mapper", &[Reason::StaleMap]);
+    stops_in_time(&["mapper"], &[Reason::StaleMap]);
 }
 
 #[test]
 fn a_hung_goal_stops_the_robot_and_is_replaced() {
-    stops_in_time("goal", &[Reason::StaleGoal, Reason::StaleProposals]);
+    stops_in_time(&["goal"], &[Reason::StaleGoal, Reason::StaleProposals]);
+}
+
+#[test]
+fn both_proposers_hung_stop_the_robot_and_are_replaced() {
+    stops_in_time(&["policy", "expert"], &[Reason::StaleProposals]);
 }
 
 #[test]
 fn a_hung_driver_stops_the_robot_and_is_replaced() {
     // A simulator that starts again puts the robot back to its start: the pose jumps, and what was seen is void.
     let mut drive = Drive::start("hung-sim", &[]);
-    send_signal(drive.running.node("sim").unwrap(), libc::SIGSTOP);
-    drive.until("the stop", |command| is(command, Reason::StaleOdometry));
+    let (process, before_ns) = (drive.running.node("sim").unwrap(), host_ns());
+    send_signal(process, libc::SIGSTOP);
+    let seen = drive.until("the stop", |command| is(command, Reason::StaleOdometry));
+    let stop_ns = seen.last().unwrap().0;
+    eprintln!("odometry silent: {:.0} ms to the stop command", (stop_ns - before_ns) as f64 * 1e-6);
     drive.until("rest", |command| command.twist.v_m_s == 0.0);
     drive.until("odometry again", |command| command.odometry_age_s < 0.06);
     let outcome = drive.end();

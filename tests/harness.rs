@@ -1,6 +1,7 @@
 //! Runs the binary as a user would, with a limit in time, and reads its summary.
 
 use serde_json::Value;
+use sidestep_bus::{DomainName, environment};
 use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -155,6 +156,16 @@ impl Running {
             let line = std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default();
             line.split(|&byte| byte == 0).next().is_some_and(|program| program == wanted.as_bytes())
         })
+    }
+
+    /// The shared memory of the run, as one of its nodes was told it.
+    pub(crate) fn domain(&self, node: &str) -> Option<DomainName> {
+        let text = std::fs::read(format!("/proc/{}/environ", self.node(node)?)).ok()?;
+        let text = String::from_utf8_lossy(&text).into_owned();
+        let value = |name: &str| {
+            text.split('\0').find_map(|line| line.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
+        };
+        Some(DomainName { prefix: value(environment::DOMAIN)?, root: value(environment::ROOT)?.into() })
     }
 
     /// Waits until something holds; fails when the run ends first or the watchdog barks.

@@ -22,6 +22,9 @@ mod drive;
 // Killed and hung nodes, operators, orphans: the robot stops in time, the graph comes back, nothing is left.
 mod faults;
 
+// Input that no driver should send: refused with a reason, and survived.
+mod abnormal;
+
 // No step allocates after its start.
 mod allocations;
 

@@ -27,6 +27,50 @@ fn real_depth_drives_the_graph_and_every_command_says_open_loop() {
     assert!(outcome.out.contains("open loop"), "{}", outcome.out);
 }
 
+/// A disk of 6 MB in memory, as far as this user may make one.
+struct SmallDisk(Folder);
+
+impl SmallDisk {
+    fn mount() -> Option<Self> {
+        let folder = Folder::new("disk");
+        let status = std::process::Command::new("mount")
+            .args(["-t", "tmpfs", "-o", "size=6m", "tmpfs"])
+            .arg(&folder.0)
+            .stderr(std::process::Stdio::null())
+            .status();
+        status.is_ok_and(|status| status.success()).then_some(Self(folder))
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = std::process::Command::new("umount").arg(&self.0.0).status();
+    }
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_with_a_message_and_the_drive_goes_on() {
+    let _alone = Alone::wait();
+    let Some(disk) = SmallDisk::mount() else {
+        println!("skipped: a disk that fills needs a mount, which this user may not make");
+        return;
+    };
+    let folder = disk.0.0.display().to_string();
+    let (outcome, summary) = run_with_summary(
+        "full",
+        &["run", "sim", "--for", "8s", "--record", &folder, "--set", "supervision.start_ms=60000"],
+    );
+    assert_eq!(outcome.code, 3, "{}{}", outcome.out, outcome.err);
+    assert!(outcome.err.contains("the recording ended early, the drive goes on"), "{}", outcome.err);
+    assert!(outcome.err.contains("free space before the next run"), "{}", outcome.err);
+    assert!(summary["drive"]["distance_m"].as_f64().unwrap() > 2.0, "{summary:#}");
+    assert_eq!(summary["drive"]["collisions"], 0);
+    // What was written is kept under the name that the summary gives, and can be read.
+    let info = run(&["info", summary["recording"].as_str().unwrap()]);
+    assert_eq!(info.code, 0, "{}", info.err);
+    assert!(info.out.contains("depth"), "{}", info.out);
+}
+
 #[test]
 fn a_recorded_drive_has_its_latencies_and_a_trace() {
     let _alone = Alone::wait();

@@ -205,7 +205,10 @@ impl Arbiter {
         let dt_s = self.begin(now_ns, open_loop);
         let fault = self.memory.inputs.fault(now_ns, open_loop, &self.config, &self.robot);
         let (verdict, status) = match self.intent(fault, now_ns) {
-            Intent::Stop { reason, status } => (self.stop(reason, fault.is_some(), now_ns, dt_s), status),
+            Intent::Stop { reason, status } => {
+                let faulty = fault.is_some() || status == Status::Fault;
+                (self.stop(reason, faulty, now_ns, dt_s), status)
+            }
             Intent::Drive(selected) => (self.drive(&selected, now_ns, dt_s), Status::Ok),
         };
         let answers = self.answer(verdict.winner);
