@@ -18,6 +18,23 @@ pub(crate) struct RunNames {
 /// This program, also after its file was replaced.
 const SELF: &str = "/proc/self/exe";
 
+/// Tells a node of this program that it may not be paged out.
+const LOCK_MEMORY: &str = "SIDESTEP_LOCK_MEMORY";
+
+/// Keeps this process in memory, where the graph file asks and the system permits; else a line says so and it runs on.
+pub(crate) fn stay_in_memory() {
+    if std::env::var_os(LOCK_MEMORY).is_none() {
+        return;
+    }
+    // SAFETY: mlockall has no memory preconditions.
+    #[allow(unsafe_code, reason = "std cannot lock memory")]
+    let locked = unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) == 0 };
+    if !locked {
+        let why = std::io::Error::last_os_error();
+        crate::output::note(format!("locked memory not permitted ({why}); give the user LimitMEMLOCK"));
+    }
+}
+
 /// Dies with the launcher, whatever ends it.
 fn die_with_parent(command: &mut Command) {
     // SAFETY: prctl is async-signal-safe and touches nothing of the parent.
@@ -39,6 +56,7 @@ fn tell(command: &mut Command, names: &RunNames, node: &str, incarnation: u32) {
         .env(environment::INCARNATION, incarnation.to_string())
         .env(environment::GRAPH, names.domain.root.join("graph.toml"))
         .env(environment::ROBOT, names.domain.root.join("robot.toml"))
+        .env_remove(crate::notify::SOCKET)
         // The terminal's Ctrl-C is for the launcher, which stops the nodes in order.
         .process_group(0)
         .stdin(Stdio::null());
@@ -73,6 +91,9 @@ pub(crate) fn start(plan: &NodePlan, names: &RunNames, incarnation: u32) -> std:
         }
     };
     tell(&mut command, names, &plan.name, incarnation);
+    if plan.lock_memory {
+        command.env(LOCK_MEMORY, "1");
+    }
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     if let Some(stream) = child.stdout.take() {
         prefix_lines(&plan.name, stream);

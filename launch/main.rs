@@ -7,6 +7,7 @@ mod learning;
 mod look;
 mod manifest;
 mod monitor;
+mod notify;
 mod operator;
 mod output;
 mod recordings;

@@ -84,8 +84,10 @@ pub(crate) struct Entry<C> {
     /// How much it gives way to the others, 0 to 19.
     #[serde(default)]
     nice: u8,
+    /// Whether its memory is kept from being paged out.
+    #[serde(default)]
+    lock_memory: bool,
     /// The node's own configuration.
-    #[allow(dead_code, reason = "read for its type: a node reads the resolved file itself")]
     config: C,
 }
 
@@ -146,7 +148,12 @@ pub(crate) struct NodePlan {
     pub(crate) priority: u8,
     /// How much it gives way to the others.
     pub(crate) nice: u8,
+    /// Whether its memory is kept from being paged out.
+    pub(crate) lock_memory: bool,
 }
+
+/// Files of a run, by name.
+type ModelFiles = Vec<(&'static str, Vec<u8>)>;
 
 /// A checked graph.
 #[derive(Debug, Clone)]
@@ -157,6 +164,8 @@ pub(crate) struct Graph {
     pub(crate) text: String,
     /// The robot file.
     pub(crate) robot_text: String,
+    /// Which policy model drives, for recordings.
+    pub(crate) model: ModelFiles,
     /// The robot.
     pub(crate) robot: Robot,
     /// Who drives.
@@ -251,6 +260,7 @@ impl Graph {
             origin: origin.to_owned(),
             text,
             robot_text,
+            model: model_files(file.nodes.policy.as_ref())?,
             robot,
             lead: file.lead,
             supervision: file.supervision,
@@ -268,13 +278,27 @@ impl Graph {
     /// # Errors
     /// Exit code 3 with the path.
     pub(crate) fn write(&self, root: &Path) -> Result<(), Failure> {
-        for (name, text) in [("graph.toml", &self.text), ("robot.toml", &self.robot_text)] {
+        let texts = [("graph.toml", &self.text), ("robot.toml", &self.robot_text)];
+        let files = texts.into_iter().map(|(name, text)| (name, text.as_bytes()));
+        let model = self.model.iter().map(|(name, bytes)| (*name, bytes.as_slice()));
+        for (name, bytes) in files.chain(model) {
             let path = root.join(name);
-            std::fs::write(&path, text)
+            std::fs::write(&path, bytes)
                 .map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
         }
         Ok(())
     }
+}
+
+/// What says which model drives, by name and content, and the model itself where the binary does not hold it.
+fn model_files(policy: Option<&Entry<sidestep_policy::Config>>) -> Result<ModelFiles, Failure> {
+    let Some(Entry { config, .. }) = policy else { return Ok(Vec::new()) };
+    let bytes = config.bytes().map_err(|error| Failure::usage(error.to_string()))?;
+    let embedded = config.model.is_empty();
+    let name = toml::Value::String(if embedded { "embedded" } else { &config.model }.to_owned());
+    let text = format!("model = {name}\nhash = \"{:016x}\"\n", sidestep_policy::fingerprint(&bytes));
+    let onnx = (!embedded).then(|| ("model.onnx", bytes.into_owned()));
+    Ok([("model.toml", text.into_bytes())].into_iter().chain(onnx).collect())
 }
 
 fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
@@ -285,6 +309,7 @@ fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
         cpus: entry.cpus.clone(),
         priority: entry.priority,
         nice: entry.nice,
+        lock_memory: entry.lock_memory,
     }
 }
 
@@ -321,6 +346,7 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
             cpus: external.cpus.clone(),
             priority: external.priority,
             nice: external.nice,
+            lock_memory: false,
         });
     }
     if plans.is_empty() {

@@ -26,6 +26,7 @@ pub(crate) fn run_node(name: &str) -> Result<(), Failure> {
         let names: Vec<_> = ROLES.iter().map(|(role, _)| *role).collect();
         Failure::usage(format!("no node is named {name}; one of: {}", names.join(", ")))
     })?;
+    crate::child::stay_in_memory();
     let boot = Boot::from_environment(name)?;
     Ok(role.1(&boot)?)
 }

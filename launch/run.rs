@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::manifest::Graph;
 use crate::monitor::Monitor;
+use crate::notify::Notifier;
 use crate::report;
 use crate::supervisor::{Supervisor, Verdict, Wishes};
 use sidestep_bus::{host_ns, wall_ns};
@@ -88,7 +89,9 @@ pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let wishes = Wishes::listen()?;
     let mut supervisor = Supervisor::new(graph.clone(), run_number())?;
     let mut monitor = Monitor::new(supervisor.link(), &graph)?;
-    let ended = drive(options, &mut supervisor, &mut monitor, &wishes);
+    let mut notifier = Notifier::from_environment()?;
+    let ended = drive(options, &mut supervisor, &mut monitor, &mut notifier, &wishes);
+    notifier.stopping();
     supervisor.sample_usage();
     monitor.end();
     let heard = wishes.count();
@@ -110,6 +113,7 @@ fn drive(
     options: &Options,
     supervisor: &mut Supervisor,
     monitor: &mut Monitor,
+    notifier: &mut Notifier,
     wishes: &Wishes,
 ) -> Result<End, Failure> {
     let mut deadline_ns = None;
@@ -119,6 +123,7 @@ fn drive(
             monitor.move_to(supervisor.link())?;
         }
         monitor.look()?;
+        notifier.alive(host_ns());
         if wishes.count() > 0 {
             return Ok(End::User);
         }
@@ -132,6 +137,7 @@ fn drive(
         if deadline_ns.is_none() && supervisor.all_ready() {
             let now_ns = host_ns();
             monitor.begin(now_ns);
+            notifier.ready();
             deadline_ns = Some(options.time.map_or(u64::MAX, |time| now_ns + time.as_nanos() as u64));
         }
         if deadline_ns.is_some_and(|deadline_ns| host_ns() >= deadline_ns) {

@@ -105,9 +105,10 @@ impl Driver {
         if self.simulator.is_path_due() {
             self.path.send(step, |path| assert!(self.simulator.path(path))).unwrap();
         }
-        let spoil = |odometry: &mut Odometry| match fault {
-            Some(Fault::Odometry(spoil)) => spoil(odometry),
-            _ => {}
+        let spoil = |odometry: &mut Odometry| {
+            if let Some(Fault::Odometry(spoil)) = fault {
+                spoil(odometry);
+            }
         };
         self.odometry
             .send(step, |odometry| {

@@ -72,6 +72,35 @@ fn two_runs_side_by_side_do_not_meet() {
     }
 }
 
+/// A service manager's socket in the test's folder: it hears ready, signs of life, and the stop, in this order.
+#[test]
+fn a_service_manager_is_told_ready_alive_and_stopping() {
+    let _alone = crate::harness::Alone::wait();
+    let folder = crate::harness::Folder::new("notify");
+    let path = folder.join("socket");
+    let manager = std::os::unix::net::UnixDatagram::bind(&path).unwrap();
+    manager.set_read_timeout(Some(std::time::Duration::from_secs(60))).unwrap();
+    let heard = std::thread::spawn(move || {
+        let (mut words, mut buffer) = (Vec::new(), [0; 64]);
+        while words.last().is_none_or(|word| word != "STOPPING=1") {
+            let size = manager.recv(&mut buffer).unwrap();
+            words.push(String::from_utf8_lossy(&buffer[..size]).into_owned());
+        }
+        words
+    });
+    let recordings = folder.join("recordings").display().to_string();
+    let small = ["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
+    let mut command = crate::harness::sidestep(&["run", "sim", "--for", "2s", "--record", &recordings]);
+    command.args(small).args(["--set", "supervision.start_ms=60000"]);
+    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "400000");
+    let outcome = crate::harness::Running::start(command).finish();
+    assert_eq!(outcome.code, 0, "{}", outcome.err);
+    let words = heard.join().unwrap();
+    let signs = words.iter().filter(|word| *word == "WATCHDOG=1").count();
+    let ready = words.iter().position(|word| word == "READY=1").unwrap();
+    assert!(ready < words.len() - 1 && signs >= 5, "{words:?}");
+}
+
 #[test]
 fn the_expert_drives_through_the_office_to_its_goals() {
     drives_with("expert");

@@ -213,9 +213,8 @@ fn stops_in_time(nodes: &[&str], reasons: &[Reason]) {
         let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;
         assert!(fits(command) || command.twist.v_m_s == 0.0 || young, "at {now_ns}: {command:?}");
     }
-    let since = drive.until("driving again", |command| {
-        command.scale == 1.0 && !fits(command) && command.twist.v_m_s > 0.2
-    });
+    let since =
+        drive.until("driving again", |command| is(command, Reason::Clear) && command.twist.v_m_s > 0.2);
     // Until the new node speaks, the robot only ever slows.
     let stopping: Vec<_> = since.iter().take_while(|(_, command)| fits(command)).collect();
     let slows = |pair: &[&(u64, Command)]| pair[1].1.twist.v_m_s <= pair[0].1.twist.v_m_s;

@@ -82,6 +82,12 @@ fn a_recorded_drive_has_its_latencies_and_a_trace() {
     );
     assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
     let recording = summary["recording"].as_str().unwrap();
+    // What drove is within: robot, graph, and which model.
+    let info = run(&["info", recording]);
+    for file in ["graph.toml", "robot.toml", "model.toml"] {
+        assert!(info.out.contains(file), "{}", info.out);
+    }
+    assert!(!info.out.contains("model.onnx"), "the binary holds the embedded model: {}", info.out);
     let trace = folder.join("trace.json").display().to_string();
     let latency = run(&["latency", recording, "--trace", &trace]);
     assert_eq!(latency.code, 0, "{}", latency.err);

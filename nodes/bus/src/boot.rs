@@ -136,15 +136,19 @@ impl Boot {
         Ok(budget.and_then(toml::Value::as_float).map(|ms| ms * 1e-3))
     }
 
-    /// The files of the run: (name, text) of the resolved graph and of the robot.
+    /// The files of the run: the resolved graph, the robot, which model drives, and that model where no binary holds it.
     ///
     /// # Errors
     /// [`NodeError::File`].
-    pub fn files(&self) -> Result<Vec<(String, String)>, NodeError> {
-        Ok(vec![
-            ("graph.toml".into(), Self::read(&self.graph)?),
-            ("robot.toml".into(), Self::read(&self.robot)?),
-        ])
+    pub fn files(&self) -> Result<Vec<(String, Vec<u8>)>, NodeError> {
+        let mut files = Vec::new();
+        for (name, path) in [("graph.toml", &self.graph), ("robot.toml", &self.robot)] {
+            files.push((name.into(), Self::read(path)?.into_bytes()));
+        }
+        for name in ["model.toml", "model.onnx"] {
+            files.extend(std::fs::read(self.graph.with_file_name(name)).map(|bytes| (name.into(), bytes)));
+        }
+        Ok(files)
     }
 
     /// The robot.

@@ -4,6 +4,7 @@ use crate::error::ModelError;
 use crate::policy::{Policy, embedded};
 use serde::Deserialize;
 use sidestep_msgs::Robot;
+use std::borrow::Cow;
 
 /// Configuration of the node.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -19,11 +20,20 @@ impl Config {
     /// # Errors
     /// [`ModelError`], with the file's name.
     pub fn load(&self, robot: &Robot) -> Result<Policy, ModelError> {
+        let name = if self.model.is_empty() { "embedded" } else { &self.model };
+        Policy::load(&self.bytes()?, name, robot)
+    }
+
+    /// The model file.
+    ///
+    /// # Errors
+    /// [`ModelError::Read`], with the file's name.
+    pub fn bytes(&self) -> Result<Cow<'static, [u8]>, ModelError> {
         if self.model.is_empty() {
-            return Policy::load(embedded(), "embedded", robot);
+            return Ok(embedded().into());
         }
         let unreadable =
             |error: std::io::Error| ModelError::Read { model: self.model.clone(), detail: error.to_string() };
-        Policy::load(&std::fs::read(&self.model).map_err(unreadable)?, &self.model, robot)
+        Ok(std::fs::read(&self.model).map_err(unreadable)?.into())
     }
 }

@@ -44,8 +44,7 @@ fn lost(error: &RecordError) -> NodeError {
 
 /// What the recording says of the run, with the files of the run within.
 fn origin(boot: &Boot, config: &Config) -> Result<Origin, NodeError> {
-    let mut attachments: Vec<_> =
-        boot.files()?.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
+    let mut attachments = boot.files()?;
     for path in &config.attach {
         let bytes = std::fs::read(path).map_err(|source| NodeError::File {
             path: path.display().to_string(),
