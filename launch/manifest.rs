@@ -41,6 +41,16 @@ pub(crate) enum Resume {
     Operator,
 }
 
+/// What moves graph time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Time {
+    /// Host time, or a player.
+    Real,
+    /// The driver, once everybody has answered.
+    Lockstep,
+}
+
 /// What happens when a node ends without being asked to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -126,6 +136,7 @@ struct File {
     lead: Lead,
     #[allow(dead_code, reason = "read for its type: the arbiter reads the resolved file itself")]
     resume: Resume,
+    time: Time,
     supervision: Supervision,
     budgets_ms: BTreeMap<String, f64>,
     nodes: Nodes,
@@ -150,6 +161,8 @@ pub(crate) struct NodePlan {
     pub(crate) nice: u8,
     /// Whether its memory is kept from being paged out.
     pub(crate) lock_memory: bool,
+    /// Whether it moves graph time in lockstep: started again, time would begin anew.
+    pub(crate) moves_time: bool,
 }
 
 /// Files of a run, by name.
@@ -170,6 +183,8 @@ pub(crate) struct Graph {
     pub(crate) robot: Robot,
     /// Who drives.
     pub(crate) lead: Lead,
+    /// What moves graph time.
+    pub(crate) time: Time,
     /// Restart pacing.
     pub(crate) supervision: Supervision,
     /// `[ms]` latency budget per stage.
@@ -263,6 +278,7 @@ impl Graph {
             model: model_files(file.nodes.policy.as_ref())?,
             robot,
             lead: file.lead,
+            time: file.time,
             supervision: file.supervision,
             budgets_ms: file.budgets_ms,
             nodes,
@@ -310,6 +326,7 @@ fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
         priority: entry.priority,
         nice: entry.nice,
         lock_memory: entry.lock_memory,
+        moves_time: false,
     }
 }
 
@@ -347,8 +364,12 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
             priority: external.priority,
             nice: external.nice,
             lock_memory: false,
+            moves_time: false,
         });
     }
+    let drivers =
+        plans.iter_mut().filter(|plan| plan.name == "sim" || file.external.contains_key(&plan.name));
+    drivers.for_each(|plan| plan.moves_time = file.time == Time::Lockstep);
     if plans.is_empty() {
         return Err(Failure::usage(format!("graph {origin}: no nodes; add at least one table [nodes.NAME]")));
     }

@@ -5,16 +5,18 @@ use crate::manifest::Graph;
 use sidestep_bus::{Inbox, Keep, Link, Step, host_ns};
 use sidestep_latency::Collector;
 use sidestep_msgs::{
-    COMMAND, Code, Command, DEPTH, DepthFrame, EXPERT_COMMAND, Header, POLICY_COMMAND, Proposal, Reason,
-    TRUTH, Truth, Winner,
+    CLOCK, COMMAND, Clock, Code, Command, DEPTH, DepthFrame, EXPERT_COMMAND, Header, POLICY_COMMAND,
+    Proposal, Reason, TRUTH, Truth, Winner,
 };
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 /// `[ns]` the command must be zero for this long to count as standing.
 const REST_NS: u64 = 300_000_000;
 
 struct Inboxes {
     link: Link,
+    clock: Inbox<Clock>,
     depth: Inbox<DepthFrame>,
     commands: Inbox<Command>,
     policy: Inbox<Proposal>,
@@ -25,6 +27,7 @@ struct Inboxes {
 impl Inboxes {
     fn open(link: &Link) -> Result<Self, Failure> {
         Ok(Self {
+            clock: link.inbox(CLOCK, Keep::Newest)?,
             depth: link.inbox(DEPTH, Keep::All)?,
             commands: link.inbox(COMMAND, Keep::All)?,
             policy: link.inbox(POLICY_COMMAND, Keep::All)?,
@@ -57,6 +60,8 @@ pub(crate) struct Monitor {
     pub(crate) began_ns: Option<u64>,
     /// Whether any command said that its sensors are a recording.
     pub(crate) open_loop: bool,
+    /// `[ns]` graph time of the first and the newest command that count.
+    span_ns: Option<(u64, u64)>,
     budgets_ms: BTreeMap<String, f64>,
     ended: bool,
     moved_ns: u64,
@@ -81,6 +86,7 @@ impl Monitor {
             winners: BTreeMap::new(),
             began_ns: None,
             open_loop: false,
+            span_ns: None,
             budgets_ms: graph.budgets_ms.clone(),
             ended: false,
             moved_ns: host_ns(),
@@ -119,6 +125,9 @@ impl Monitor {
         }
         let latency = &mut self.latency;
         let counts = !self.ended;
+        if let Some(clock) = self.inboxes.clock.newest(&mut self.step)? {
+            latency.clock(&clock);
+        }
         while let Some(message) = self.inboxes.depth.next(&mut self.step)? {
             counts.then(|| latency.depth(message.capture_ns, message.header()));
         }
@@ -148,6 +157,7 @@ impl Monitor {
         self.latency.header(COMMAND.index, header);
         self.latency.command(command);
         self.ticks += 1;
+        self.span_ns = Some((self.span_ns.map_or(header.now_ns, |(first_ns, _)| first_ns), header.now_ns));
         self.open_loop |= command.open_loop != 0;
         *self.reasons.entry(reason).or_default() += 1;
         *self.winners.entry(winner).or_default() += 1;
@@ -156,6 +166,12 @@ impl Monitor {
             *self.stops.entry(reason).or_default() += 1;
         }
         self.stopped = standing;
+    }
+
+    /// Graph time from the first command that counts to the newest.
+    pub(crate) fn graph_time(&self) -> Duration {
+        let (first_ns, last_ns) = self.span_ns.unwrap_or_default();
+        Duration::from_nanos(last_ns.saturating_sub(first_ns))
     }
 
     /// Whether the newest commands told the robot to stand.

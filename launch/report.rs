@@ -1,7 +1,7 @@
 //! The summary of a run, as text and as JSON.
 
 use crate::failure::Failure;
-use crate::manifest::Graph;
+use crate::manifest::{Graph, Time};
 use crate::monitor::Monitor;
 use crate::run::{End, Options};
 use crate::supervisor::Supervisor;
@@ -78,7 +78,10 @@ impl<'a> Summary<'a> {
                 .filter(|(_, counts)| counts.iter().any(|&count| count > 0))
                 .collect(),
             events: &supervisor.events,
-            duration_s: monitor.began_ns.map_or(0.0, |began_ns| (host_ns() - began_ns) as f64 * 1e-9),
+            duration_s: match graph.time {
+                Time::Lockstep => monitor.graph_time().as_secs_f64(),
+                Time::Real => monitor.began_ns.map_or(0.0, |began_ns| (host_ns() - began_ns) as f64 * 1e-9),
+            },
             origin: graph.origin.clone(),
             lead: format!("{:?}", graph.lead).to_lowercase(),
             given_up,
@@ -196,7 +199,11 @@ impl<'a> Summary<'a> {
     pub(crate) fn verdict(&self, options: &Options) -> Result<(), Failure> {
         if let Some((node, ending, code)) = &self.given_up {
             let message = format!("{node} was given up: {ending}; its own lines above say why");
-            return Err(if *code == Some(2) { Failure::usage(message) } else { Failure::unmet(message) });
+            return Err(match code {
+                Some(2) => Failure::usage(message),
+                Some(3) => Failure::io(message),
+                _ => Failure::unmet(message),
+            });
         }
         if let Some(truth) = &self.monitor.truth {
             if truth.collisions > 0 {

@@ -1,7 +1,7 @@
 //! `sidestep run`: validates, starts, watches, stops, reports.
 
 use crate::failure::Failure;
-use crate::manifest::Graph;
+use crate::manifest::{Graph, Time};
 use crate::monitor::Monitor;
 use crate::notify::Notifier;
 use crate::report;
@@ -140,7 +140,11 @@ fn drive(
             notifier.ready();
             deadline_ns = Some(options.time.map_or(u64::MAX, |time| now_ns + time.as_nanos() as u64));
         }
-        if deadline_ns.is_some_and(|deadline_ns| host_ns() >= deadline_ns) {
+        let over = match (supervisor.time(), options.time) {
+            (Time::Lockstep, time) => time.is_some_and(|time| monitor.graph_time() >= time),
+            (Time::Real, _) => deadline_ns.is_some_and(|deadline_ns| host_ns() >= deadline_ns),
+        };
+        if over {
             return Ok(End::Time);
         }
     }

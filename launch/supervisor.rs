@@ -2,7 +2,7 @@
 
 use crate::child::{self, RunNames};
 use crate::failure::Failure;
-use crate::manifest::Graph;
+use crate::manifest::{Graph, Time};
 use crate::watched::{Event, Phase, Watched};
 use sidestep_bus::{Domain, Link, Step, host_ns, pause};
 use std::process::Child;
@@ -122,6 +122,11 @@ impl Supervisor {
     /// A link into the run, for the monitor.
     pub(crate) fn link(&self) -> &Link {
         &self.link
+    }
+
+    /// What moves graph time.
+    pub(crate) fn time(&self) -> Time {
+        self.graph.time
     }
 
     /// Whether every node beats.
@@ -281,10 +286,18 @@ impl Supervisor {
     ///
     /// `at_rest` says whether the robot stands; `wishes` beyond `heard` end the patience.
     pub(crate) fn stop(&mut self, wishes: &Wishes, heard: usize, mut at_rest: impl FnMut() -> bool) {
+        if self.graph.time == Time::Lockstep {
+            // Without its driver graph time stands, and so does the robot.
+            self.leave(&["sim".to_owned(), "driver".to_owned()], wishes, heard);
+        }
         let others: Vec<_> = self.names_of(|name| !STOP_ORDER.contains(&name));
         self.leave(&others, wishes, heard);
         let deadline_ns = host_ns() + 3_000_000_000;
-        while !at_rest() && host_ns() < deadline_ns && wishes.count() <= heard {
+        while self.graph.time == Time::Real
+            && !at_rest()
+            && host_ns() < deadline_ns
+            && wishes.count() <= heard
+        {
             pause(LOOK_EVERY);
         }
         for name in STOP_ORDER {

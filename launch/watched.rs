@@ -176,7 +176,8 @@ impl Watched {
             self.restarts_in_row = 0;
         }
         // A node that refuses its configuration would refuse it again.
-        let hopeless = self.exit_code == Some(2) || self.restarts_in_row >= limits.restarts_most;
+        let hopeless =
+            self.exit_code == Some(2) || self.plan.moves_time || self.restarts_in_row >= limits.restarts_most;
         self.phase = if self.plan.restart == Restart::Never || hopeless { Phase::Ended } else { Phase::Dead };
         let what = if self.phase == Phase::Ended { "ended and given up" } else { "ended" };
         Some(self.event(now_ns, format!("{what}: {ending} after {lived_s:.1} s")))

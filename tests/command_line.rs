@@ -138,7 +138,11 @@ fn a_missing_world_or_model_ends_the_run_with_its_path_and_remedy() {
         2,
         &["nowhere.toml", "sim was given up: exit 2"],
     );
-    refused(&["run", "sim", "--model", "nowhere.onnx"], 2, &["nowhere.onnx", "policy was given up: exit 2"]);
+    refused(
+        &["run", "sim", "--model", "nowhere.onnx"],
+        2,
+        &["model nowhere.onnx: cannot be read", "name a file written by"],
+    );
     refused(&["run", "sim", "--model", "Cargo.toml"], 2, &["Cargo.toml", "policy was given up: exit 2"]);
 }
 

@@ -22,6 +22,9 @@ mod drive;
 // Killed and hung nodes, operators, orphans: the robot stops in time, the graph comes back, nothing is left.
 mod faults;
 
+// Graph time in steps: the same seed, the same bytes.
+mod lockstep;
+
 // Input that no driver should send: refused with a reason, and survived.
 mod abnormal;
 

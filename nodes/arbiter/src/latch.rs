@@ -1,6 +1,6 @@
 //! The file in which an emergency stop outlives a crash of the arbiter.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A file that exists while the emergency stop is latched.
 #[derive(Debug)]
@@ -10,9 +10,9 @@ pub(crate) struct LatchFile {
 }
 
 impl LatchFile {
-    /// The latch as an earlier life left it, in the named file or, where none is named, in that of the run.
-    pub(crate) fn at(named: &str, in_run: PathBuf) -> Self {
-        let path = if named.is_empty() { in_run } else { PathBuf::from(named) };
+    /// The latch as an earlier life left it, in the named file or, where none is named, in the folder of the run.
+    pub(crate) fn at(named: &str, folder: &Path, run: &str) -> Self {
+        let path = if named.is_empty() { folder.join(format!("{run}.estop")) } else { PathBuf::from(named) };
         let latched = path.exists();
         Self { path, latched }
     }
@@ -44,11 +44,11 @@ mod tests {
 
     #[test]
     fn a_latch_outlives_the_one_who_wrote_it_until_it_is_released() {
-        let path = std::env::temp_dir().join(format!("sidestep-latch-{}", std::process::id()));
-        LatchFile::at("", path.clone()).keep(true);
-        let mut next = LatchFile::at("", path.clone());
+        let (folder, run) = (std::env::temp_dir(), format!("sidestep-latch-{}", std::process::id()));
+        LatchFile::at("", &folder, &run).keep(true);
+        let mut next = LatchFile::at("", &folder, &run);
         assert!(next.is_latched());
         next.keep(false);
-        assert!(!LatchFile::at("", path).is_latched());
+        assert!(!LatchFile::at("", &folder, &run).is_latched());
     }
 }

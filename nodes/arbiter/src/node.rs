@@ -25,11 +25,14 @@ struct Inlets {
     seen: [Header; 3],
     /// Whether a new frame of the lead waits for its answer.
     waiting: bool,
+    /// Whether the graph has both proposers.
+    pair: bool,
 }
 
 impl Inlets {
-    fn open(link: &Link) -> Result<Self, NodeError> {
+    fn open(link: &Link, boot: &Boot) -> Result<Self, NodeError> {
         Ok(Self {
+            pair: boot.has_node("policy")? && boot.has_node("expert")?,
             odometry: link.inbox(ODOMETRY, Keep::Newest)?,
             ranges: link.inbox(RANGES, Keep::Newest)?,
             teleop: link.inbox(TELEOP, Keep::Newest)?,
@@ -44,8 +47,7 @@ impl Inlets {
         })
     }
 
-    /// Hands over what came; returns whether a new frame of the lead is to be answered now: in lockstep, once the other
-    /// proposer, if there is one, spoke of it too.
+    /// Hands over what came; whether a new frame of the lead is to be answered: in lockstep, with map and both proposals.
     fn take(&mut self, step: &mut Step, arbiter: &mut Arbiter) -> Result<bool, NodeError> {
         self.odometry.newest(step)?.inspect(|message| arbiter.odometry(message, message.header()));
         self.ranges.newest(step)?.inspect(|message| arbiter.ranges(message));
@@ -64,10 +66,9 @@ impl Inlets {
                 *seen = *message.header();
             }
         }
-        let [_, policy, expert] = &self.seen;
-        let alone = policy.sequence == 0 || expert.sequence == 0;
-        let complete = !step.is_lockstep() || alone || policy.source_frame == expert.source_frame;
-        Ok(complete && std::mem::take(&mut self.waiting))
+        let [map, policy, expert] = self.seen.map(|header| header.source_frame);
+        let complete = (!self.pair || policy == expert) && map == policy.max(expert);
+        Ok((complete || !step.is_lockstep()) && std::mem::take(&mut self.waiting))
     }
 }
 
@@ -80,18 +81,20 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let config = boot.config::<Config>()?.under(boot.lead_winner()?, resume.as_deref());
     let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
     let mut arbiter = Arbiter::new(&config, &boot.robot()?, boot.incarnation).map_err(refused)?;
-    let in_run = boot.domain.root.join(format!("{}.estop", boot.domain.prefix));
-    let mut latch = LatchFile::at(&config.latch_file, in_run);
+    let mut latch = LatchFile::at(&config.latch_file, &boot.domain.root, &boot.domain.prefix);
     if latch.is_latched() {
         arbiter.latch();
     }
 
     let mut link = Link::open(boot)?;
-    let mut inputs = Inlets::open(&link)?;
+    let mut inputs = Inlets::open(&link, boot)?;
     let mut commands = link.outbox(COMMAND)?;
     let mut states = link.outbox(STATE_ARBITER)?;
     link.wake_on(POLICY_COMMAND)?;
     link.wake_on(EXPERT_COMMAND)?;
+    if boot.is_lockstep()? {
+        link.wake_on(SAFETY_MAP)?;
+    }
     link.tick_every(Duration::from_millis(10))?;
     link.run(|step| {
         if step.epoch_raised() {

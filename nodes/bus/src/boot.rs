@@ -126,6 +126,24 @@ impl Boot {
         Ok(self.graph()?.get(key).and_then(toml::Value::as_str).map(str::to_owned))
     }
 
+    /// Whether graph time moves only when the driver says so: `time = "lockstep"` in the graph file.
+    ///
+    /// # Errors
+    /// [`NodeError::File`] or [`NodeError::Configuration`].
+    pub fn is_lockstep(&self) -> Result<bool, NodeError> {
+        Ok(self.graph_text("time")?.as_deref() == Some("lockstep"))
+    }
+
+    /// Whether the graph has a node of this name.
+    ///
+    /// # Errors
+    /// [`NodeError::File`] or [`NodeError::Configuration`].
+    pub fn has_node(&self, name: &str) -> Result<bool, NodeError> {
+        let graph = self.graph()?;
+        let has = |kind| graph.get(kind).and_then(|nodes| nodes.get(name)).is_some();
+        Ok(has("nodes") || has("external"))
+    }
+
     /// `[s]` the node's latency budget of the graph file, if it has one.
     ///
     /// # Errors

@@ -40,6 +40,18 @@ pub enum NodeError {
         /// What it must hold.
         needed: &'static str,
     },
+    /// A lockstep driver waited in vain.
+    #[error(
+        "{node} did not answer {what} for {waited_s} s of host time; see its own lines, or leave lockstep"
+    )]
+    Silent {
+        /// Who.
+        node: &'static str,
+        /// What the driver said.
+        what: String,
+        /// How long it waited.
+        waited_s: f64,
+    },
     /// Input or output was lost for good, though the drive went on.
     #[error("{0}")]
     Lost(String),
@@ -57,7 +69,7 @@ impl NodeError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Configuration(_) | Self::Environment { .. } => 2,
-            Self::File { .. } | Self::Transport { .. } | Self::Lost(_) => 3,
+            Self::File { .. } | Self::Transport { .. } | Self::Silent { .. } | Self::Lost(_) => 3,
         }
     }
 }

@@ -103,6 +103,8 @@ pub struct Link {
     health: Option<Outbox<Health>>,
     wakes: Vec<Listener<ipc::Service>>,
     tick_ns: Option<u64>,
+    /// Nothing happens before the driver's first word.
+    waits: Cell<bool>,
     /// Writers of rare topics: a reader that joins late gets the newest message at the next heartbeat.
     rare: RefCell<Vec<Rc<dyn UpdateConnections>>>,
     // Dropped last: everything above lives in it.
@@ -117,6 +119,7 @@ impl Link {
     pub fn open(boot: &Boot) -> Result<Self, NodeError> {
         let mut link = Self::attach(&boot.domain, &boot.node, boot.run, boot.incarnation)?;
         link.budget_ns = boot.budget_s()?.map_or(u64::MAX, |seconds| (seconds * 1e9) as u64);
+        link.waits.set(boot.is_lockstep()?);
         match health_topic(&boot.node) {
             Some(topic) => link.with_heartbeat(topic),
             None => Ok(link),
@@ -164,6 +167,7 @@ impl Link {
             health: None,
             wakes: Vec::new(),
             tick_ns: None,
+            waits: Cell::new(false),
             rare: RefCell::default(),
             node,
         })
@@ -184,6 +188,10 @@ impl Link {
     pub fn outbox<M: Message>(&self, topic: Topic<M>) -> Result<Outbox<M>, NodeError> {
         let (publisher, notifier) = self.services.publisher(topic)?;
         let publisher = Rc::new(publisher);
+        if topic.index == CLOCK.index {
+            // Whoever moves time waits for nobody's word.
+            self.waits.set(false);
+        }
         if topic.row().history > 0 && topic.row().rate_hz <= RARE_HZ {
             self.rare.borrow_mut().push(publisher.clone());
         }
@@ -292,6 +300,9 @@ impl Link {
     ) -> Result<bool, NodeError> {
         let host = host_ns();
         self.read_clock(step, host)?;
+        if self.waits.get() && !self.clock.lockstep() {
+            return Ok(true);
+        }
         if let Some(period_ns) = self.tick_ns {
             // A driver's first word can set graph time far back: a tick further off than a period belongs to the old time.
             let elsewhere = *next_tick_ns > step.now_ns + period_ns;

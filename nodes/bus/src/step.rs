@@ -81,6 +81,11 @@ impl Step {
         self.now_ns
     }
 
+    /// Sets the time of this step: for a lockstep driver, whose word moves time.
+    pub fn set_now(&mut self, graph_ns: u64) {
+        self.now_ns = graph_ns;
+    }
+
     /// Whether playback looped or sought since the last step: the node must reset.
     #[must_use]
     pub fn epoch_raised(&self) -> bool {

@@ -2,7 +2,7 @@
 //!
 //! A [`World`] of upright blocks and columns, a [`Simulator`] with the dynamics of a small differential drive, a
 //! stereo camera, a lidar, ultrasonic sensors, odometry that drifts, and people. Time and commands come from outside;
-//! the same seed and the same calls give the same bytes. The node publishes all that in real time.
+//! the same seed and the same calls give the same bytes. The node publishes all that in real time or in lockstep.
 
 mod barn;
 mod base;
@@ -24,6 +24,7 @@ mod simulator;
 mod simulator_tests;
 mod solid;
 mod stereo;
+mod timeline;
 mod world;
 mod world_file;
 
@@ -34,6 +35,7 @@ pub use office::FREE_M;
 pub use people::Walker;
 pub use simulator::Simulator;
 pub use solid::{Outline, Solid};
+pub use timeline::{BEGIN_NS, Event, TICK_NS, TICKS_PER_RANGES, Timeline};
 pub use world::{CLEARANCE_MAX_M, World, WorldError, resample};
 
 /// The folder of real data, or `None` with a line that says so.

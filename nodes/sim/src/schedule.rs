@@ -1,9 +1,7 @@
 //! When the node does what: a tick every 10 ms, a frame at its intended time, rendered while the pipeline rests.
 
-/// `[ns]` between two odometry messages.
-const TICK_NS: u64 = 10_000_000;
-/// Odometry messages per message of the ultrasonic sensors.
-pub(crate) const TICKS_PER_RANGES: u64 = 5;
+use crate::timeline::TICK_NS;
+
 /// Odometry messages per word on the clock.
 pub(crate) const TICKS_PER_CLOCK: u64 = 100;
 /// `[ns]` a frame is rendered this long after the last one was sent, if no command about that came before.

@@ -6,16 +6,7 @@ use sidestep_msgs::{
     Command, DepthFrame, EstopAction, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Winner,
 };
 use sidestep_policy::Policy;
-use sidestep_sim::{Simulator, World};
-
-/// `[ns]` graph time at which every drive begins.
-const BEGIN_NS: u64 = 1_000_000_000;
-/// `[ns]` between two commands.
-const TICK_NS: u64 = 10_000_000;
-/// Ticks per message of the ultrasonic sensors.
-const TICKS_PER_RANGES: u64 = 5;
-/// `[1]` of a frame period: when the first frame comes.
-const PHASE: f64 = 0.37;
+use sidestep_sim::{BEGIN_NS, Event, Simulator, TICK_NS, TICKS_PER_RANGES, Timeline, World};
 
 /// Why a drive could not begin.
 #[derive(Debug, thiserror::Error)]
@@ -75,10 +66,7 @@ pub struct Drive {
     simulator: Simulator,
     chain: Chain,
     has_camera: bool,
-    period_ns: f64,
-    next_tick_ns: u64,
-    ticks: u64,
-    frames: u64,
+    timeline: Timeline,
     odometry: Odometry,
     ranges: Ranges,
     path: Box<Path>,
@@ -102,11 +90,8 @@ impl Drive {
         Ok(Self {
             chain,
             has_camera: setup.robot.camera.is_some(),
-            period_ns: 1e9 / f64::from(simulator.rate_hz()).max(1.0),
+            timeline: Timeline::new(simulator.rate_hz()),
             simulator,
-            next_tick_ns: BEGIN_NS,
-            ticks: 0,
-            frames: 0,
             odometry: Odometry::default(),
             ranges: Ranges::default(),
             path: Box::default(),
@@ -120,14 +105,16 @@ impl Drive {
 
     /// Goes on to the next tick, with the frames before it.
     pub fn tick(&mut self) {
-        let tick_ns = self.next_tick_ns;
-        while self.frame_ns() < tick_ns {
-            self.frame();
-        }
+        let (tick_ns, number) = loop {
+            match self.timeline.next() {
+                Event::Frame { stamp_ns, .. } => self.frame(stamp_ns),
+                Event::Tick { stamp_ns, number } => break (stamp_ns, number),
+            }
+        };
         self.simulator.advance(tick_ns);
         self.simulator.odometry(&mut self.odometry);
         self.chain.odometry(&self.odometry, tick_ns);
-        if self.ticks.is_multiple_of(TICKS_PER_RANGES) {
+        if number.is_multiple_of(TICKS_PER_RANGES) {
             self.simulator.ranges(&mut self.ranges);
             self.chain.ranges(&self.ranges);
         }
@@ -138,17 +125,9 @@ impl Drive {
         self.simulator.truth(&mut self.truth);
         let time_s = (tick_ns - BEGIN_NS) as f64 * 1e-9;
         self.outcome.note(&self.truth, &self.command, time_s, TICK_NS as f64 * 1e-9);
-        self.next_tick_ns += TICK_NS;
-        self.ticks += 1;
     }
 
-    fn frame_ns(&self) -> u64 {
-        BEGIN_NS + ((self.frames as f64 + PHASE) * self.period_ns) as u64
-    }
-
-    fn frame(&mut self) {
-        let now_ns = self.frame_ns();
-        self.frames += 1;
+    fn frame(&mut self, now_ns: u64) {
         self.simulator.advance(now_ns);
         let image = if self.has_camera {
             self.simulator.render(&mut self.depth);

@@ -2,7 +2,9 @@
 
 use crate::distribution::{Distribution, Figures};
 use crate::frames::Frames;
-use sidestep_msgs::{COMMAND, Code, Command, DEPTH, DepthFrame, Header, SCAN, STAGES, Stage, StageStamp};
+use sidestep_msgs::{
+    COMMAND, Clock, ClockMode, Code, Command, DEPTH, DepthFrame, Header, SCAN, STAGES, Stage, StageStamp,
+};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -78,6 +80,11 @@ impl Collector {
             frames: Frames::new(),
             seen: std::array::from_fn(|_| Seen::new()),
         }
+    }
+
+    /// Takes a word of the driver on graph time.
+    pub fn clock(&mut self, clock: &Clock) {
+        self.frames.pace(clock.mode != ClockMode::Lockstep.code());
     }
 
     /// Takes the header of a message of a topic of the table; each topic in its own order.

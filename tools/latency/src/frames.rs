@@ -25,6 +25,8 @@ pub(crate) struct Frames {
     newest: Option<(u64, u64)>,
     intervals_ns: [u64; INTERVALS],
     interval_count: usize,
+    /// Whether frames come at a rate of host time, so that a long interval means missing ones.
+    paced: bool,
 }
 
 impl Frames {
@@ -36,13 +38,19 @@ impl Frames {
             newest: None,
             intervals_ns: [0; INTERVALS],
             interval_count: 0,
+            paced: true,
         }
+    }
+
+    /// In lockstep frames come when everybody has answered: only numbers tell which are missing.
+    pub(crate) fn pace(&mut self, paced: bool) {
+        self.paced = paced;
     }
 
     /// Forgets what belongs to an earlier epoch, in which stamps and numbers meant something else.
     pub(crate) fn enter(&mut self, epoch: u32) {
         if epoch != self.epoch {
-            *self = Self { epoch, ..Self::new() };
+            *self = Self { epoch, paced: self.paced, ..Self::new() };
         }
     }
 
@@ -58,7 +66,7 @@ impl Frames {
     pub(crate) fn sent(&mut self, number: u64, sent_ns: u64, times: &mut impl FnMut(u64)) {
         if self.newest.is_some_and(|(before, before_ns)| number < before && sent_ns > before_ns) {
             // The driver was restarted and counts afresh.
-            *self = Self { epoch: self.epoch, ..Self::new() };
+            *self = Self { epoch: self.epoch, paced: self.paced, ..Self::new() };
         }
         self.frame(number).sent_ns.get_or_insert(sent_ns);
         self.count(number, times);
@@ -103,7 +111,7 @@ impl Frames {
 
     /// Frame periods in an interval: by number where numbers are missing, else by the usual period.
     fn due_between(&self, numbers: u64, interval_ns: u64) -> u64 {
-        if self.interval_count < INTERVALS {
+        if !self.paced || self.interval_count < INTERVALS {
             return numbers.min(GAP_MAX);
         }
         let mut sorted = self.intervals_ns;

@@ -13,7 +13,7 @@ pub use collector::Collector;
 pub use distribution::{Distribution, Figures};
 pub use trace::Trace;
 
-use sidestep_msgs::{COMMAND, DEPTH};
+use sidestep_msgs::{CLOCK, COMMAND, DEPTH};
 use sidestep_player::{Ordered, PlayerError};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,6 +26,9 @@ pub fn analyse(path: &Path, budgets_ms: &BTreeMap<String, f64>) -> Result<(Colle
     let (mut collector, mut trace) = (Collector::new(budgets_ms), Trace::default());
     for entry in Ordered::open(path)? {
         let entry = entry?;
+        if let Some(clock) = entry.read(CLOCK) {
+            collector.clock(&clock);
+        }
         collector.passed(entry.topic, &entry.header, |step| trace.add(step));
         if entry.topic == DEPTH.index
             && let Some(capture_ns) = collector::capture_ns(&entry.message)
