@@ -85,7 +85,6 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     if latch.is_latched() {
         arbiter.latch();
     }
-
     let mut link = Link::open(boot)?;
     let mut inputs = Inlets::open(&link, boot)?;
     let mut commands = link.outbox(COMMAND)?;
