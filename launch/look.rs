@@ -10,27 +10,51 @@ use sidestep_msgs::{
 };
 use std::time::Duration;
 
-/// The run named by the environment, as a node's own tools find it, else the newest run of this user.
+/// The run named by the environment, as a node's own tools find it, else all runs of this user, newest first.
 ///
 /// # Errors
 /// Exit code 3 where no run lives.
-pub(crate) fn newest_run() -> Result<DomainName, Failure> {
+pub(crate) fn runs() -> Result<Vec<DomainName>, Failure> {
     if let (Ok(prefix), Ok(root)) = (std::env::var(environment::DOMAIN), std::env::var(environment::ROOT)) {
-        return Ok(DomainName { prefix, root: root.into() });
+        return Ok(vec![DomainName { prefix, root: root.into() }]);
     }
-    live_domains()
-        .into_iter()
-        .next()
-        .ok_or_else(|| Failure::io("no run is alive; start one with `sidestep run`"))
+    let live = live_domains();
+    if live.is_empty() {
+        return Err(Failure::io("no run is alive; start one with `sidestep run`"));
+    }
+    Ok(live)
 }
 
-/// Joins the newest run as a tool.
+/// The one run that an operator can mean.
+///
+/// # Errors
+/// Exit code 2 where several live, 3 where none does.
+pub(crate) fn only_run() -> Result<DomainName, Failure> {
+    let mut live = runs()?;
+    if live.len() > 1 {
+        let (domain, root) = (environment::DOMAIN, environment::ROOT);
+        let name = |run: &DomainName| format!("{domain}={} {root}={}", run.prefix, run.root.display());
+        let names: Vec<_> = live.iter().map(name).collect();
+        let why = format!("{} runs are alive; say which, as one of:\n  {}", live.len(), names.join("\n  "));
+        return Err(Failure::usage(why));
+    }
+    Ok(live.remove(0))
+}
+
+/// Joins a run as a tool.
+///
+/// # Errors
+/// Exit code 3 where it was made by another version.
+pub(crate) fn join(run: &DomainName, tool: &str) -> Result<Link, Failure> {
+    Ok(Link::attach(run, &format!("{tool}-{}", std::process::id()), 0, 0)?)
+}
+
+/// Joins the newest run to look at it.
 ///
 /// # Errors
 /// Exit code 3 where no run lives or it was made by another version.
-pub(crate) fn join(tool: &str) -> Result<Link, Failure> {
-    let domain = newest_run()?;
-    Ok(Link::attach(&domain, &format!("{tool}-{}", std::process::id()), 0, 0)?)
+fn join_newest(tool: &str) -> Result<Link, Failure> {
+    join(&runs()?[0], tool)
 }
 
 /// The table of topics as text.
@@ -118,7 +142,7 @@ pub(crate) fn listen(name: &str, echo: bool, time: Duration, count_most: u64) ->
     let row = topic_named(name).ok_or_else(|| {
         Failure::usage(format!("no topic is named {name}; `sidestep topic list` shows them all"))
     })?;
-    let mut link = join("topic")?;
+    let mut link = join_newest("topic")?;
     let until_ns = host_ns() + time.as_nanos() as u64;
     let mut listener = Listener { link: &mut link, name: row.name, echo, until_ns, count_most, received: 0 };
     visit_topics(&mut listener)?;
@@ -138,7 +162,7 @@ struct Heart {
 /// # Errors
 /// Exit code 3 where no run lives.
 pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure> {
-    let mut link = join("top")?;
+    let mut link = join_newest("top")?;
     let names: Vec<_> = TOPICS.iter().filter_map(|row| row.name.strip_prefix("health/")).collect();
     let mut inboxes: Vec<Heart> = Vec::new();
     for name in names {
@@ -150,7 +174,7 @@ pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure
     let mut command: Option<Command> = None;
     let mut step = Step::new();
     let until_ns = time.map_or(u64::MAX, |time| host_ns() + time.as_nanos() as u64);
-    let run = newest_run()?;
+    let run = runs()?.remove(0);
     while host_ns() < until_ns && live_domains().contains(&run) {
         pause(every);
         link.look(&mut step)?;

@@ -1,8 +1,8 @@
 //! What a person says to a run: emergency stop, reset, hold, resume, teleop.
 
 use crate::failure::Failure;
-use crate::look::join;
-use sidestep_bus::{Keep, Outbox, Step, host_ns, pause};
+use crate::look::{join, only_run, runs};
+use sidestep_bus::{DomainName, Keep, Outbox, Step, host_ns, pause};
 use sidestep_msgs::{COMMAND, Code, ESTOP, Estop, EstopAction, Reason, Stage, TELEOP, Teleop};
 use std::time::Duration;
 
@@ -15,12 +15,28 @@ const TURN_NS: u64 = 1_000_000_000;
 /// Pace of teleop wishes.
 const WISH_EVERY: Duration = Duration::from_millis(20);
 
-/// Says one thing and waits for the arbiter's acknowledgement.
+/// Says one thing to a run and waits for the arbiter's acknowledgement. An emergency stop asks no questions: it goes to
+/// every run of this user at once.
 ///
 /// # Errors
-/// Exit code 3 where no run lives or nobody acknowledges.
+/// Exit code 2 where several runs live and the action is no stop, 3 where none does or somebody does not acknowledge.
 pub(crate) fn say(action: EstopAction) -> Result<String, Failure> {
-    let mut link = join("operator")?;
+    if action != EstopAction::Stop {
+        return say_to(&only_run()?, action);
+    }
+    let runs = runs()?;
+    let answers: Vec<_> = std::thread::scope(|scope| {
+        let said: Vec<_> = runs.iter().map(|run| scope.spawn(|| say_to(run, action))).collect();
+        said.into_iter().map(std::thread::ScopedJoinHandle::join).collect()
+    });
+    let unheard = || Failure::io("the emergency stop broke off; see `sidestep top`");
+    let lines: Result<Vec<_>, _> =
+        answers.into_iter().map(|answer| answer.unwrap_or_else(|_| Err(unheard()))).collect();
+    Ok(lines?.join("\n"))
+}
+
+fn say_to(run: &DomainName, action: EstopAction) -> Result<String, Failure> {
+    let mut link = join(run, "operator")?;
     let mut commands = link.inbox(COMMAND, Keep::Newest)?;
     let mut step = Step::new();
     let token = host_ns() | 1;
@@ -64,9 +80,9 @@ fn turn(link: &sidestep_bus::Link) -> Result<Outbox<Estop>, Failure> {
 /// Drives with a constant wish while this command runs, the dead man's switch held; releases it at the end.
 ///
 /// # Errors
-/// Exit code 3 where no run lives or another operator holds the stick.
+/// Exit code 2 where several runs live, 3 where none does or another operator holds the stick.
 pub(crate) fn teleop(v_m_s: f32, w_rad_s: f32, time: Duration) -> Result<(), Failure> {
-    let mut link = join("teleop")?;
+    let mut link = join(&only_run()?, "teleop")?;
     let mut outbox = link.outbox(TELEOP)?;
     let mut step = Step::new();
     let until_ns = host_ns() + time.as_nanos() as u64;

@@ -82,6 +82,30 @@ fn survives_kills(command: std::process::Command, json: &Path, seed: u64) {
     let restarts: u64 = NODES.iter().map(|node| summary["nodes"][*node]["restarts"].as_u64().unwrap()).sum();
     assert!(restarts >= count, "{restarts} restarts: {summary:#}");
     assert!(summary["nodes"]["mapper"]["exit"] == "exit 0", "{summary:#}\n{}", outcome.err);
+    NODES.iter().for_each(|node| dies_and_comes_back_in_turn(node, summary["events"].as_array().unwrap()));
+}
+
+/// In the order of time, each end of a node is followed by its next incarnation.
+fn dies_and_comes_back_in_turn(node: &str, events: &[Value]) {
+    let moved = events.iter().any(|event| event["node"] == "launcher");
+    let (mut alive, mut incarnation, mut last_s) = (true, 0, f64::MIN);
+    for event in events.iter().filter(|event| event["node"] == node) {
+        let (what, at_s) = (event["what"].as_str().unwrap(), event["at_s"].as_f64().unwrap());
+        assert!(at_s >= last_s, "{node}: {what} at {at_s} s, after {last_s} s");
+        if what.starts_with("started again") {
+            incarnation += 1;
+            // A move to a fresh domain ends every node without a word about each.
+            assert!(!alive || moved, "{node}: {what} at {at_s} s, and it was alive");
+            assert!(
+                what.ends_with(&format!("incarnation {incarnation}")),
+                "{node}: {what}, not {incarnation}"
+            );
+        } else {
+            assert!(what.starts_with("ended: ") && alive, "{node}: {what} at {at_s} s");
+        }
+        (alive, last_s) = (what.starts_with("started again"), at_s);
+    }
+    assert!(alive, "{node} did not come back");
 }
 
 #[test]

@@ -275,6 +275,10 @@ impl Drop for Domain {
     }
 }
 
+/// Longest XDG_RUNTIME_DIR that is used: a socket's path has at most 107 bytes, of which `/sidestep/RUN` takes 22 and the
+/// name of the socket 60.
+const RUNTIME_DIR_MOST: usize = 25;
+
 /// The folder of all runs of this user.
 #[must_use]
 pub fn runtime_root() -> PathBuf {
@@ -283,7 +287,7 @@ pub fn runtime_root() -> PathBuf {
     let user = unsafe { libc::geteuid() };
     let base = std::env::var_os("XDG_RUNTIME_DIR")
         .map(PathBuf::from)
-        .filter(|path| path.is_dir() && path.as_os_str().len() < 40);
+        .filter(|path| path.is_dir() && path.as_os_str().len() <= RUNTIME_DIR_MOST);
     base.map_or_else(|| PathBuf::from(format!("/tmp/sidestep-{user}")), |path| path.join("sidestep"))
 }
 

@@ -107,6 +107,8 @@ pub struct Link {
     waits: Cell<bool>,
     /// Writers of rare topics: a reader that joins late gets the newest message at the next heartbeat.
     rare: RefCell<Vec<Rc<dyn UpdateConnections>>>,
+    /// `[ns]` host time at which [`Link::look`] meets late readers next.
+    meet_ns: u64,
     // Dropped last: everything above lives in it.
     node: Rc<Node<ipc::Service>>,
 }
@@ -169,6 +171,7 @@ impl Link {
             tick_ns: None,
             waits: Cell::new(false),
             rare: RefCell::default(),
+            meet_ns: 0,
             node,
         })
     }
@@ -216,13 +219,24 @@ impl Link {
         self.wake_on(CLOCK)
     }
 
-    /// Reads the clocks once, for a tool that looks at its inboxes at its own pace instead of running a loop.
+    /// Reads the clocks once, for a tool that looks at its inboxes at its own pace instead of running a loop; what it
+    /// wrote on rare topics is handed to readers that came since.
     ///
     /// # Errors
     /// [`NodeError::Transport`].
     pub fn look(&mut self, step: &mut Step) -> Result<(), NodeError> {
         step.published = true;
-        self.read_clock(step, host_ns())
+        let host = host_ns();
+        if host >= self.meet_ns {
+            self.meet_ns = host + HEARTBEAT_NS;
+            self.meet_late_readers()?;
+        }
+        self.read_clock(step, host)
+    }
+
+    fn meet_late_readers(&self) -> Result<(), NodeError> {
+        let failed = |error| NodeError::transport("heartbeat", "meet new readers", error);
+        self.rare.borrow().iter().try_for_each(|writer| writer.update_connections().map_err(failed))
     }
 
     /// What the inboxes lost and skipped and the outboxes sent.
@@ -354,11 +368,7 @@ impl Link {
 
     fn beat(&mut self, next_beat_ns: &mut u64, state: NodeState, cycle: &mut Cycle) -> Result<(), NodeError> {
         *next_beat_ns = host_ns() + HEARTBEAT_NS;
-        for writer in self.rare.borrow().iter() {
-            writer
-                .update_connections()
-                .map_err(|error| NodeError::transport("heartbeat", "meet new readers", error))?;
-        }
+        self.meet_late_readers()?;
         let Some(outbox) = &mut self.health else { return Ok(()) };
         let mut aside = Step::new();
         let host = host_ns();

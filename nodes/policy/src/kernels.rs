@@ -3,12 +3,11 @@
 //! Vectors run over cells or over outputs, never over a sum, so each element is one fixed chain of multiply-adds
 //! whatever the instruction set. Measured: `benches/step.rs`.
 
+use crate::convolution::{ROW_CELLS as WIDTH, convolve};
 use crate::lanes::{Lanes, multiply_add};
 use crate::network::DenseLayer;
 use sidestep_msgs::{LOCAL_CELLS, LOCAL_SIDE};
 
-/// Cells computed per row: the side rounded up to whole vectors.
-const WIDTH: usize = 32;
 /// Floats between rows of a padded plane: one zero left, at least five right.
 const STRIDE: usize = 48;
 /// Rows of a padded plane: one row of zeros above and below.
@@ -78,7 +77,7 @@ fn value_iteration_body<const FUSED: bool>(
     }
     for (channel, (kernel, bias)) in weights.reward.iter().zip(&weights.bias).enumerate() {
         for row in 0..LOCAL_SIDE {
-            let sums = convolve::<FUSED, 1>(&[*kernel], [[*bias; WIDTH]], from, row);
+            let sums = convolve::<FUSED, 1, STRIDE>(&[*kernel], [[*bias; WIDTH]], from, row);
             scratch.reward[(channel * LOCAL_SIDE + row) * WIDTH..][..WIDTH].copy_from_slice(&sums[0]);
         }
     }
@@ -122,31 +121,12 @@ fn best_of<const FUSED: bool, const N: usize>(
     for (n, lane) in start.iter_mut().enumerate() {
         lane.copy_from_slice(&reward[((channel + n) * LOCAL_SIDE + row) * WIDTH..][..WIDTH]);
     }
-    let sums = convolve::<FUSED, N>(kernels, start, plane, row);
+    let sums = convolve::<FUSED, N, STRIDE>(kernels, start, plane, row);
     for sum in &sums {
         for lane in 0..WIDTH {
             best[lane] = if sum[lane] > best[lane] { sum[lane] } else { best[lane] };
         }
     }
-}
-
-/// One row of `N` 3x3 convolutions added to `sums`; the loads of the plane are shared by the channels.
-#[inline(always)]
-fn convolve<const FUSED: bool, const N: usize>(
-    kernels: &[[f32; 9]],
-    mut sums: [[f32; WIDTH]; N],
-    plane: &[f32],
-    row: usize,
-) -> [[f32; WIDTH]; N] {
-    for tap in 0..9 {
-        let cells = &plane[(row + tap / 3) * STRIDE + tap % 3..][..WIDTH];
-        for n in 0..N {
-            for lane in 0..WIDTH {
-                sums[n][lane] = multiply_add::<FUSED>(kernels[n][tap], cells[lane], sums[n][lane]);
-            }
-        }
-    }
-    sums
 }
 
 /// A dense layer, its weights packed so that a block of outputs reads memory in order.

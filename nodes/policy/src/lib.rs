@@ -11,6 +11,7 @@
 mod lanes;
 mod config;
 mod contract;
+mod convolution;
 mod error;
 mod export;
 mod graph;
@@ -22,6 +23,7 @@ mod policy;
 
 pub use config::Config;
 pub use contract::{Contract, Golden, fingerprint};
+pub use convolution::{ROW_CELLS, convolve};
 pub use error::ModelError;
 pub use export::to_onnx;
 pub use kernels::{DenseChain, DenseScratch, ValueIteration, ValueScratch};

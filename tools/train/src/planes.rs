@@ -4,10 +4,8 @@
 //! on the instruction set. Backward visits, per row, only the channels that won somewhere in it.
 
 use sidestep_msgs::LOCAL_SIDE;
-use sidestep_policy::{Lanes, multiply_add, on_lanes};
+use sidestep_policy::{Lanes, ROW_CELLS as WIDTH, convolve, multiply_add, on_lanes};
 
-/// Cells computed per row.
-const WIDTH: usize = 32;
 /// Floats between rows of a padded plane: one zero left, five right.
 const STRIDE: usize = 34;
 /// Floats of a padded plane.
@@ -102,28 +100,10 @@ on_lanes! {
 }
 
 #[inline(always)]
-fn convolve<const FUSED: bool, const N: usize>(
-    kernels: &[[f32; 9]],
-    mut sums: [[f32; WIDTH]; N],
-    plane: &[f32],
-    row: usize,
-) -> [[f32; WIDTH]; N] {
-    for tap in 0..9 {
-        let cells = &plane[(row + tap / 3) * STRIDE + tap % 3..][..WIDTH];
-        for n in 0..N {
-            for lane in 0..WIDTH {
-                sums[n][lane] = multiply_add::<FUSED>(kernels[n][tap], cells[lane], sums[n][lane]);
-            }
-        }
-    }
-    sums
-}
-
-#[inline(always)]
 fn forward_body<const FUSED: bool>(kernels: &Kernels, trace: &mut Trace, scratch: &mut PlaneScratch) {
     for (channel, (kernel, bias)) in kernels.reward.iter().zip(&kernels.bias).enumerate() {
         for row in 0..LOCAL_SIDE {
-            let sums = convolve::<FUSED, 1>(&[*kernel], [[*bias; WIDTH]], &trace.reward_map, row);
+            let sums = convolve::<FUSED, 1, STRIDE>(&[*kernel], [[*bias; WIDTH]], &trace.reward_map, row);
             scratch.reward[(channel * LOCAL_SIDE + row) * WIDTH..][..WIDTH].copy_from_slice(&sums[0]);
         }
     }
@@ -174,13 +154,13 @@ fn forward_row<const FUSED: bool>(
     let mut channel = 0;
     let mut pairs = kernels.value.chunks_exact(2);
     for pair in &mut pairs {
-        let sums = convolve::<FUSED, 2>(pair, [start(channel), start(channel + 1)], from, row);
+        let sums = convolve::<FUSED, 2, STRIDE>(pair, [start(channel), start(channel + 1)], from, row);
         take(&sums[0], channel);
         take(&sums[1], channel + 1);
         channel += 2;
     }
     for single in pairs.remainder() {
-        take(&convolve::<FUSED, 1>(&[*single], [start(channel)], from, row)[0], channel);
+        take(&convolve::<FUSED, 1, STRIDE>(&[*single], [start(channel)], from, row)[0], channel);
     }
     to[place(row, 0)..][..WIDTH].copy_from_slice(&best);
     to[place(row, LOCAL_SIDE)..][..WIDTH - LOCAL_SIDE].fill(0.0);
