@@ -57,6 +57,7 @@ fn tell(command: &mut Command, names: &RunNames, node: &str, incarnation: u32) {
         .env(environment::GRAPH, names.domain.root.join("graph.toml"))
         .env(environment::ROBOT, names.domain.root.join("robot.toml"))
         .env_remove(crate::notify::SOCKET)
+        .env_remove(crate::notify::WATCHDOG)
         // The terminal's Ctrl-C is for the launcher, which stops the nodes in order.
         .process_group(0)
         .stdin(Stdio::null());

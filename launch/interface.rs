@@ -83,10 +83,10 @@ impl Printer {
             self.line(format_args!("    {} {}{array};", c_type(field), field.name));
         }
         self.line(format_args!("}} {name};"));
-        self.line(format_args!("_Static_assert(sizeof({name}) == {size}, \"{name}: size\");"));
+        self.line(format_args!("static_assert(sizeof({name}) == {size}, \"{name}: size\");"));
         for field in fields {
             let place = format!("offsetof({name}, {}) == {}", field.name, field.offset);
-            self.line(format_args!("_Static_assert({place}, \"{name}.{}: offset\");", field.name));
+            self.line(format_args!("static_assert({place}, \"{name}.{}: offset\");", field.name));
         }
     }
 

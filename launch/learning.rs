@@ -78,7 +78,7 @@ fn failure(error: &TrainError) -> Failure {
 }
 
 fn progress(line: &str) {
-    eprintln!("{line}");
+    crate::output::note(line.to_owned());
 }
 
 /// Makes or describes a data set.

@@ -49,14 +49,6 @@ pub(crate) fn join(run: &DomainName, tool: &str) -> Result<Link, Failure> {
     Ok(Link::attach(run, &format!("{tool}-{}", std::process::id()), 0, 0)?)
 }
 
-/// Joins the newest run to look at it.
-///
-/// # Errors
-/// Exit code 3 where no run lives or it was made by another version.
-fn join_newest(tool: &str) -> Result<Link, Failure> {
-    join(&runs()?[0], tool)
-}
-
 /// The table of topics as text.
 pub(crate) fn list() -> String {
     let mut text = format!("{:<16} {:<24} {:<9} {:>7} {:>9}\n", "topic", "type", "writer", "Hz", "bytes");
@@ -142,7 +134,7 @@ pub(crate) fn listen(name: &str, echo: bool, time: Duration, count_most: u64) ->
     let row = topic_named(name).ok_or_else(|| {
         Failure::usage(format!("no topic is named {name}; `sidestep topic list` shows them all"))
     })?;
-    let mut link = join_newest("topic")?;
+    let mut link = join(&runs()?[0], "topic")?;
     let until_ns = host_ns() + time.as_nanos() as u64;
     let mut listener = Listener { link: &mut link, name: row.name, echo, until_ns, count_most, received: 0 };
     visit_topics(&mut listener)?;
@@ -162,7 +154,8 @@ struct Heart {
 /// # Errors
 /// Exit code 3 where no run lives.
 pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure> {
-    let mut link = join_newest("top")?;
+    let run = runs()?.remove(0);
+    let mut link = join(&run, "top")?;
     let names: Vec<_> = TOPICS.iter().filter_map(|row| row.name.strip_prefix("health/")).collect();
     let mut inboxes: Vec<Heart> = Vec::new();
     for name in names {
@@ -174,7 +167,6 @@ pub(crate) fn top(time: Option<Duration>, every: Duration) -> Result<(), Failure
     let mut command: Option<Command> = None;
     let mut step = Step::new();
     let until_ns = time.map_or(u64::MAX, |time| host_ns() + time.as_nanos() as u64);
-    let run = runs()?.remove(0);
     while host_ns() < until_ns && live_domains().contains(&run) {
         pause(every);
         link.look(&mut step)?;

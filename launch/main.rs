@@ -20,6 +20,7 @@ mod watched;
 use clap::{Parser, Subcommand};
 use failure::Failure;
 use sidestep_msgs::EstopAction;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -315,7 +316,8 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("sidestep: {}", failure.message);
+            // Nobody may be listening; the exit code says it too.
+            let _ = writeln!(std::io::stderr(), "sidestep: {}", failure.message);
             ExitCode::from(failure.code)
         }
     }

@@ -271,6 +271,7 @@ impl Graph {
         let robot =
             Robot::from_toml(&file.robot, &robot_text).map_err(|error| Failure::usage(error.to_string()))?;
         let nodes = plans(&file, origin)?;
+        check(&file.nodes).map_err(|why| Failure::usage(format!("graph {origin}: {why}")))?;
         Ok(Self {
             origin: origin.to_owned(),
             text,
@@ -330,6 +331,23 @@ fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
     }
 }
 
+/// Asks every node whether it would take its configuration.
+fn check(nodes: &Nodes) -> Result<(), String> {
+    fn ask<C, E: ToString>(
+        entry: Option<&Entry<C>>,
+        check: impl Fn(&C) -> Result<(), E>,
+    ) -> Result<(), String> {
+        entry.map_or(Ok(()), |entry| check(&entry.config).map_err(|error| error.to_string()))
+    }
+    ask(nodes.sim.as_ref(), sidestep_sim::Config::check)?;
+    ask(nodes.player.as_ref(), sidestep_player::Config::check)?;
+    ask(nodes.mapper.as_ref(), sidestep_mapper::Config::check)?;
+    ask(nodes.goal.as_ref(), sidestep_goal::Config::check)?;
+    ask(nodes.expert.as_ref(), sidestep_expert::Config::check)?;
+    ask(nodes.arbiter.as_ref(), sidestep_arbiter::Config::check)?;
+    ask(nodes.recorder.as_ref(), sidestep_recorder::Config::check)
+}
+
 /// Consumers first: whoever writes finds its readers waiting.
 fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
     let nodes = &file.nodes;
@@ -346,6 +364,16 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
     .into_iter()
     .flatten()
     .collect();
+    let (leader, led) = match file.lead {
+        Lead::Policy => ("policy", nodes.policy.is_some()),
+        Lead::Expert | Lead::Solved | Lead::Refined => ("expert", nodes.expert.is_some()),
+    };
+    if nodes.arbiter.is_some() && !led && !file.external.contains_key(leader) {
+        let lead = format!("{:?}", file.lead).to_lowercase();
+        return Err(Failure::usage(format!(
+            "graph {origin}: lead is {lead}, and there is no node {leader}; add it or name another lead"
+        )));
+    }
     for (name, external) in &file.external {
         if plans.iter().any(|plan| plan.name == *name) {
             let why = format!("graph {origin}: {name} stands both in [nodes] and in [external]; keep one");
@@ -370,6 +398,13 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
     let drivers =
         plans.iter_mut().filter(|plan| plan.name == "sim" || file.external.contains_key(&plan.name));
     drivers.for_each(|plan| plan.moves_time = file.time == Time::Lockstep);
+    let driver = plans.iter().any(|plan| plan.moves_time);
+    if file.time == Time::Lockstep && (!driver || nodes.player.is_some()) {
+        let found = if driver { "a player" } else { "no driver" };
+        return Err(Failure::usage(format!(
+            "graph {origin}: time is \"lockstep\" with {found}; needed: sim, or a driver in [external], and no player"
+        )));
+    }
     if plans.is_empty() {
         return Err(Failure::usage(format!("graph {origin}: no nodes; add at least one table [nodes.NAME]")));
     }

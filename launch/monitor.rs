@@ -63,7 +63,7 @@ pub(crate) struct Monitor {
     /// `[ns]` graph time of the first and the newest command that count.
     span_ns: Option<(u64, u64)>,
     budgets_ms: BTreeMap<String, f64>,
-    ended: bool,
+    ended_ns: Option<u64>,
     moved_ns: u64,
     stopped: bool,
 }
@@ -88,7 +88,7 @@ impl Monitor {
             open_loop: false,
             span_ns: None,
             budgets_ms: graph.budgets_ms.clone(),
-            ended: false,
+            ended_ns: None,
             moved_ns: host_ns(),
             stopped: true,
         })
@@ -111,7 +111,13 @@ impl Monitor {
 
     /// The drive is over: what the nodes do while they leave does not count.
     pub(crate) fn end(&mut self) {
-        self.ended = true;
+        self.ended_ns = Some(host_ns());
+    }
+
+    /// `[s]` host time from all nodes ready to the end of the drive.
+    pub(crate) fn host_time_s(&self) -> f64 {
+        let ended_ns = self.ended_ns.unwrap_or_else(host_ns);
+        self.began_ns.map_or(0.0, |began_ns| ended_ns.saturating_sub(began_ns) as f64 * 1e-9)
     }
 
     /// Takes what arrived.
@@ -124,7 +130,7 @@ impl Monitor {
             self.truth = Some(*truth);
         }
         let latency = &mut self.latency;
-        let counts = !self.ended;
+        let counts = self.ended_ns.is_none();
         if let Some(clock) = self.inboxes.clock.newest(&mut self.step)? {
             latency.clock(&clock);
         }
@@ -151,7 +157,7 @@ impl Monitor {
         if !standing {
             self.moved_ns = host_ns();
         }
-        if self.began_ns.is_none() || self.ended {
+        if self.began_ns.is_none() || self.ended_ns.is_some() {
             return;
         }
         self.latency.header(COMMAND.index, header);

@@ -1,13 +1,13 @@
 //! What a service manager is told: ready, alive, stopping (sd_notify(3), the protocol of systemd).
 
-use crate::failure::Failure;
 use std::os::linux::net::SocketAddrExt;
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 
 /// Set by the service manager: a path, or a name that begins with @.
 pub(crate) const SOCKET: &str = "NOTIFY_SOCKET";
 /// Set by the service manager with `WatchdogSec=`: `[us]` silence after which it restarts the service.
-const WATCHDOG: &str = "WATCHDOG_USEC";
+pub(crate) const WATCHDOG: &str = "WATCHDOG_USEC";
 
 /// The line to the service manager; silent where there is none.
 #[derive(Debug)]
@@ -19,27 +19,35 @@ pub(crate) struct Notifier {
 }
 
 impl Notifier {
-    /// Connects to the service manager that started this process.
-    ///
-    /// # Errors
-    /// Exit code 3 where its address cannot be used.
-    pub(crate) fn from_environment() -> Result<Self, Failure> {
-        let Some(name) = std::env::var_os(SOCKET) else {
-            return Ok(Self { line: None, every_ns: None, due_ns: 0 });
+    /// Connects to the service manager that started this process; where its address cannot be used, a line says so.
+    pub(crate) fn from_environment() -> Self {
+        let nobody = Self { line: None, every_ns: None, due_ns: 0 };
+        let Some(name) = std::env::var_os(SOCKET) else { return nobody };
+        match Self::connect(name.as_encoded_bytes()) {
+            Ok(line) => {
+                let microseconds = std::env::var(WATCHDOG).ok().and_then(|text| text.parse::<u64>().ok());
+                // Half of the time, as the protocol asks.
+                Self { line: Some(line), every_ns: microseconds.map(|every_us| every_us * 500), due_ns: 0 }
+            }
+            Err(error) => {
+                crate::output::note(format!(
+                    "{SOCKET} {}: {error}; no service manager is told",
+                    name.display()
+                ));
+                nobody
+            }
+        }
+    }
+
+    fn connect(name: &[u8]) -> std::io::Result<(UnixDatagram, SocketAddr)> {
+        let address = match name.strip_prefix(b"@") {
+            Some(name) => SocketAddr::from_abstract_name(name)?,
+            None => SocketAddr::from_pathname(std::ffi::OsStr::from_bytes(name))?,
         };
-        let failed = |error: std::io::Error| Failure::io(format!("{SOCKET} {}: {error}", name.display()));
-        let bytes = name.as_encoded_bytes();
-        let address = match bytes.strip_prefix(b"@") {
-            Some(name) => SocketAddr::from_abstract_name(name),
-            None => SocketAddr::from_pathname(&name),
-        };
-        let socket = UnixDatagram::unbound().map_err(failed)?;
+        let socket = UnixDatagram::unbound()?;
         // A manager that does not read must not hold up supervision.
-        socket.set_nonblocking(true).map_err(failed)?;
-        let line = (socket, address.map_err(failed)?);
-        let microseconds = std::env::var(WATCHDOG).ok().and_then(|text| text.parse::<u64>().ok());
-        // Half of the time, as the protocol asks.
-        Ok(Self { line: Some(line), every_ns: microseconds.map(|every_us| every_us * 500), due_ns: 0 })
+        socket.set_nonblocking(true)?;
+        Ok((socket, address))
     }
 
     fn say(&self, word: &str) {

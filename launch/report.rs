@@ -7,7 +7,6 @@ use crate::run::{End, Options};
 use crate::supervisor::Supervisor;
 use crate::watched::Event;
 use serde_json::{Value, json};
-use sidestep_bus::host_ns;
 use sidestep_msgs::TOPICS;
 use std::fmt::Write;
 
@@ -80,7 +79,7 @@ impl<'a> Summary<'a> {
             events: &supervisor.events,
             duration_s: match graph.time {
                 Time::Lockstep => monitor.graph_time().as_secs_f64(),
-                Time::Real => monitor.began_ns.map_or(0.0, |began_ns| (host_ns() - began_ns) as f64 * 1e-9),
+                Time::Real => monitor.host_time_s(),
             },
             origin: graph.origin.clone(),
             lead: format!("{:?}", graph.lead).to_lowercase(),

@@ -89,7 +89,7 @@ pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let wishes = Wishes::listen()?;
     let mut supervisor = Supervisor::new(graph.clone(), run_number())?;
     let mut monitor = Monitor::new(supervisor.link(), &graph)?;
-    let mut notifier = Notifier::from_environment()?;
+    let mut notifier = Notifier::from_environment();
     let ended = drive(options, &mut supervisor, &mut monitor, &mut notifier, &wishes);
     notifier.stopping();
     supervisor.sample_usage();

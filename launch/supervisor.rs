@@ -134,10 +134,15 @@ impl Supervisor {
         self.nodes.iter().all(|node| matches!(node.phase, Phase::Running | Phase::Ended))
     }
 
-    /// The first node that will not come back though it should.
+    /// The first node that will not come back though the drive needs it; nobody needs a recorder.
     pub(crate) fn given_up(&self) -> Option<&Watched> {
         use crate::manifest::Restart;
-        self.nodes.iter().find(|node| node.phase == Phase::Ended && node.plan.restart == Restart::Always)
+        let needed = |node: &&Watched| match node.plan.name.as_str() {
+            "recorder" => false,
+            "player" => node.exit_code != Some(0),
+            _ => node.plan.restart == Restart::Always,
+        };
+        self.nodes.iter().filter(needed).find(|node| node.phase == Phase::Ended)
     }
 
     /// Whether a player has come to the end of its recording.

@@ -179,7 +179,8 @@ impl Watched {
         let hopeless =
             self.exit_code == Some(2) || self.plan.moves_time || self.restarts_in_row >= limits.restarts_most;
         self.phase = if self.plan.restart == Restart::Never || hopeless { Phase::Ended } else { Phase::Dead };
-        let what = if self.phase == Phase::Ended { "ended and given up" } else { "ended" };
+        let over = self.phase == Phase::Ended && self.exit_code != Some(0);
+        let what = if over { "ended and given up" } else { "ended" };
         Some(self.event(now_ns, format!("{what}: {ending} after {lived_s:.1} s")))
     }
 

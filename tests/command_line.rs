@@ -112,7 +112,7 @@ fn a_node_started_by_hand_says_who_starts_nodes() {
 #[test]
 fn layouts_are_printed_for_c_and_python() {
     let c = run(&["interface", "--c"]);
-    assert!(c.out.contains("_Static_assert(sizeof(LocalMap) == 2392"), "{}", &c.out[..2000]);
+    assert!(c.out.contains("static_assert(sizeof(LocalMap) == 2392"), "{}", &c.out[..2000]);
     let python = run(&["interface", "--python"]);
     assert!(python.out.contains("return \"sidestep/LocalMap/1\""), "{}", &python.out[..2000]);
 }
@@ -147,8 +147,26 @@ fn a_missing_world_or_model_ends_the_run_with_its_path_and_remedy() {
 }
 
 #[test]
+fn what_a_node_would_refuse_is_refused_before_anything_starts() {
+    for (arguments, needed) in [
+        (&["check", "sim", "--set", "sim.people=99"][..], "people is 99, needed: 0 to 16"),
+        (
+            &["check", "sim", "--set", "sim.lockstep_rate_most=0"],
+            "lockstep_rate_most is 0, needed: 0.1 to 1000",
+        ),
+        (&["check", "robot", "--set", "lead=nobody"], "unknown variant `nobody`"),
+        (&["check", "play", "--set", "time=lockstep"], "lockstep"),
+        (&["run", "play", "--set", "player.rate=0.0"], "player.rate is 0, needed"),
+    ] {
+        refused(arguments, 2, &[needed]);
+    }
+}
+
+#[test]
 fn tools_without_a_run_say_how_to_start_one() {
-    let folder = Folder::new("no-run");
+    // A folder of its own, so that no other test's run is found; short, since the sockets of runs would lie in it.
+    let folder = Folder(std::env::temp_dir().join(format!("n{}", std::process::id())));
+    std::fs::create_dir_all(&folder.0).unwrap();
     let mut command = crate::harness::sidestep(&["topic", "hz", "command"]);
     command
         .env("XDG_RUNTIME_DIR", &folder.0)

@@ -1,8 +1,9 @@
 //! Graph time in steps: the same seed gives the same bytes, over processes and in one.
 
 use crate::harness::{Alone, Folder, Running, run_with_summary, send_signal, sidestep};
+use sidestep_bus::{Keep, Link, Step};
 use sidestep_drive::{Drive, Setup};
-use sidestep_msgs::{COMMAND, Robot, Winner};
+use sidestep_msgs::{COMMAND, LOCAL_GOAL, Robot, Winner};
 use sidestep_player::{Entry, Ordered};
 use sidestep_policy::Policy;
 use sidestep_sim::{BEGIN_NS, TICK_NS, World};
@@ -122,11 +123,12 @@ fn a_silent_node_ends_the_drive_with_its_name() {
     ];
     let mut running = Running::start(sidestep(&[&fixed, SMALL].concat()));
     let process = running.wait_for("goal", |running| running.node("goal"));
-    running.wait_for("sim", |running| running.node("sim"));
-    sidestep_bus::pause(std::time::Duration::from_millis(1500));
+    let link = running.wait_for("a link", |running| Link::attach(&running.domain("sim")?, "test", 0, 0).ok());
+    let mut goals = link.inbox(LOCAL_GOAL, Keep::Newest).unwrap();
+    running.wait_for("a goal", |_| goals.newest(&mut Step::new()).unwrap().map(|_| ()));
     send_signal(process, libc::SIGSTOP);
     let outcome = running.finish();
     send_signal(process, libc::SIGKILL);
     assert_eq!(outcome.code, 3, "{}{}", outcome.out, outcome.err);
-    assert!(outcome.err.contains("goal did not answer"), "{}", outcome.err);
+    assert!(outcome.err.contains("goal did not answer frame"), "{}", outcome.err);
 }

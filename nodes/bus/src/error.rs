@@ -42,7 +42,7 @@ pub enum NodeError {
     },
     /// A lockstep driver waited in vain.
     #[error(
-        "{node} did not answer {what} for {waited_s} s of host time; see its own lines, or leave lockstep"
+        "{node} did not answer {what} for {waited_s:.1} s of host time; see its own lines, or leave lockstep"
     )]
     Silent {
         /// Who.

@@ -361,6 +361,9 @@ impl Link {
     fn timeout(&self, step: &Step, next_tick_ns: u64, next_beat_ns: u64) -> Duration {
         let host = host_ns();
         let beat = Duration::from_nanos(next_beat_ns.saturating_sub(host));
+        if self.waits.get() && !self.clock.lockstep() {
+            return beat;
+        }
         let tick = self.tick_ns.and_then(|_| self.clock.until(next_tick_ns, host));
         let wish = step.wake_at_ns.and_then(|wake_ns| self.clock.until(wake_ns, host));
         [tick, wish].into_iter().flatten().fold(beat, Duration::min)

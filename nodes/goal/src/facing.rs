@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_that_is_near_stays_and_a_scanner_that_sees_the_side_draws_nothing_near_there() {
+    fn a_near_goal_stays_and_a_scanner_that_sees_the_side_draws_its_goals_less() {
         assert_eq!(facing("loomo").draw_near(0.0, -0.25), (0.0, -0.25));
         assert_eq!(facing("loomo").draw_near(0.0, 0.0), (0.0, 0.0));
         let (_, y_m) = facing("jackal").draw_near(0.0, 2.0);

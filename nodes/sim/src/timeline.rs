@@ -28,6 +28,15 @@ pub enum Event {
     },
 }
 
+impl Event {
+    /// `[ns]` graph time.
+    #[must_use]
+    pub fn stamp_ns(&self) -> u64 {
+        let (Self::Tick { stamp_ns, .. } | Self::Frame { stamp_ns, .. }) = self;
+        *stamp_ns
+    }
+}
+
 /// The order of events of a drive.
 #[derive(Debug, Clone)]
 pub struct Timeline {

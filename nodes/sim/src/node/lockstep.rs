@@ -10,6 +10,7 @@ use std::time::Duration;
 
 /// `[ns]` host time that an answer may take.
 const PATIENCE_NS: u64 = 2_000_000_000;
+
 /// Whether a command is the answer to an event.
 fn answers(event: Event, command: &Command, header: &Header) -> bool {
     match event {
@@ -40,11 +41,8 @@ pub(crate) fn run(
         }
         let mut answered = asked.is_none();
         topics.command.each(step, |command, header| {
-            let Some((event @ (Event::Tick { stamp_ns, .. } | Event::Frame { stamp_ns, .. }), _)) = asked
-            else {
-                return;
-            };
-            simulator.command(command, stamp_ns);
+            let Some((event, _)) = asked else { return };
+            simulator.command(command, event.stamp_ns());
             answered |= answers(event, command, header);
         })?;
         if let Some((event, since_ns)) = asked.filter(|_| !answered) {
@@ -60,8 +58,7 @@ pub(crate) fn run(
 
 /// Waits where graph time runs ahead of what readers of everything can follow.
 fn keep_pace(event: Event, begun_ns: u64, rate_most: f64) {
-    let (Event::Tick { stamp_ns, .. } | Event::Frame { stamp_ns, .. }) = event;
-    let due_ns = begun_ns + ((stamp_ns - BEGIN_NS) as f64 / rate_most) as u64;
+    let due_ns = begun_ns + ((event.stamp_ns() - BEGIN_NS) as f64 / rate_most) as u64;
     if let Some(early_ns) = due_ns.checked_sub(host_ns()) {
         pause(Duration::from_nanos(early_ns));
     }
@@ -72,11 +69,11 @@ fn wait(others: &mut Answers, step: &mut Step, event: Event, since_ns: u64) -> R
     if waited_ns < PATIENCE_NS {
         return Ok(());
     }
-    let node = match event {
-        Event::Tick { .. } => "arbiter",
-        Event::Frame { number, .. } => others.silent(step, number)?,
+    let (node, what) = match event {
+        Event::Tick { number, .. } => ("arbiter", format!("tick {number}")),
+        Event::Frame { number, .. } => (others.silent(step, number)?, format!("frame {number}")),
     };
-    Err(NodeError::Silent { node, what: format!("{event:?}"), waited_s: waited_ns as f64 * 1e-9 })
+    Err(NodeError::Silent { node, what, waited_s: waited_ns as f64 * 1e-9 })
 }
 
 /// Publishes an event. A tick's word of the clock comes last, since it makes the arbiter step; a frame's comes first, since
