@@ -57,6 +57,7 @@ fn survives_kills(command: std::process::Command, json: &Path, seed: u64) {
     for node in NODES {
         running.wait_for(node, |running| running.node(node));
     }
+    let domain = running.wait_for("its domain", |running| running.domain("arbiter"));
     let mut back_ms = Vec::new();
     for _ in 0..count {
         let node = NODES[random.below(NODES.len() as u64) as usize];
@@ -71,6 +72,8 @@ fn survives_kills(command: std::process::Command, json: &Path, seed: u64) {
     pause(Duration::from_secs(3));
     running.signal(libc::SIGTERM);
     let outcome = running.finish();
+    assert_eq!(left_in_shared_memory(&domain.prefix), Vec::<String>::new());
+    assert!(!domain.root.exists(), "{} is left", domain.root.display());
     back_ms.sort_unstable();
     eprintln!(
         "process back after p50 {} ms, max {} ms",
