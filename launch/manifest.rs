@@ -17,6 +17,9 @@ pub(crate) const GRAPHS: &[(&str, &str)] = &[
 pub(crate) const ROBOTS: &[(&str, &str)] =
     &[("loomo", include_str!("robots/loomo.toml")), ("jackal", include_str!("robots/jackal.toml"))];
 
+/// Nodes that stand where the robot's own drivers stand, and move graph time in lockstep.
+pub(crate) const DRIVERS: &[&str] = &["sim", "driver"];
+
 /// Who drives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -395,14 +398,13 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
             moves_time: false,
         });
     }
-    let drivers =
-        plans.iter_mut().filter(|plan| plan.name == "sim" || file.external.contains_key(&plan.name));
+    let drivers = plans.iter_mut().filter(|plan| DRIVERS.contains(&plan.name.as_str()));
     drivers.for_each(|plan| plan.moves_time = file.time == Time::Lockstep);
     let driver = plans.iter().any(|plan| plan.moves_time);
     if file.time == Time::Lockstep && (!driver || nodes.player.is_some()) {
         let found = if driver { "a player" } else { "no driver" };
         return Err(Failure::usage(format!(
-            "graph {origin}: time is \"lockstep\" with {found}; needed: sim, or a driver in [external], and no player"
+            "graph {origin}: time is \"lockstep\" with {found}; needed: sim, or [external.driver], and no player"
         )));
     }
     if plans.is_empty() {

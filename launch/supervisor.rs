@@ -2,7 +2,7 @@
 
 use crate::child::{self, RunNames};
 use crate::failure::Failure;
-use crate::manifest::{Graph, Time};
+use crate::manifest::{DRIVERS, Graph, Time};
 use crate::watched::{Event, Phase, Watched};
 use sidestep_bus::{Domain, Link, Step, host_ns, pause};
 use std::process::Child;
@@ -293,7 +293,8 @@ impl Supervisor {
     pub(crate) fn stop(&mut self, wishes: &Wishes, heard: usize, mut at_rest: impl FnMut() -> bool) {
         if self.graph.time == Time::Lockstep {
             // Without its driver graph time stands, and so does the robot.
-            self.leave(&["sim".to_owned(), "driver".to_owned()], wishes, heard);
+            let drivers = self.names_of(|name| DRIVERS.contains(&name));
+            self.leave(&drivers, wishes, heard);
         }
         let others: Vec<_> = self.names_of(|name| !STOP_ORDER.contains(&name));
         self.leave(&others, wishes, heard);

@@ -163,6 +163,24 @@ fn what_a_node_would_refuse_is_refused_before_anything_starts() {
 }
 
 #[test]
+fn a_graph_that_lacks_its_lead_or_its_driver_is_refused() {
+    let folder = Folder::new("lacking");
+    let shipped = include_str!("../launch/graphs/robot.toml");
+    let (without_driver, _) = shipped.split_once("# The driver publishes").unwrap();
+    let waiting =
+        folder.write("waiting.toml", &without_driver.replace("time = \"real\"", "time = \"lockstep\""));
+    refused(&["check", &waiting], 2, &["lockstep", "no driver", "needed: sim, or [external.driver]"]);
+    let (before, rest) = shipped.split_once("[nodes.policy]").unwrap();
+    let (_, after) = rest.split_once("[nodes.expert]").unwrap();
+    let leaderless = folder.write("leaderless.toml", &format!("{before}[nodes.expert]{after}"));
+    refused(
+        &["check", &leaderless],
+        2,
+        &["lead is policy, and there is no node policy", "name another lead"],
+    );
+}
+
+#[test]
 fn tools_without_a_run_say_how_to_start_one() {
     // A folder of its own, so that no other test's run is found; short, since the sockets of runs would lie in it.
     let folder = Folder(std::env::temp_dir().join(format!("n{}", std::process::id())));

@@ -61,7 +61,8 @@ fn two_runs_side_by_side_do_not_meet() {
         let arguments =
             ["run", "sim", "--for", "8s", "--record", &recordings, "--set", &world, "--set", start];
         let mut command = crate::harness::sidestep(&[&arguments[..], &small].concat());
-        command.env("XDG_RUNTIME_DIR", &folder.0);
+        // A service manager that cannot be told is a line, and no reason to stand.
+        command.env("XDG_RUNTIME_DIR", &folder.0).env("NOTIFY_SOCKET", "x".repeat(200));
         crate::harness::Running::start(command)
     };
     let say = |what: &str| {
@@ -99,6 +100,7 @@ fn two_runs_side_by_side_do_not_meet() {
     for (running, name) in [(one, "one"), (other, "other")] {
         let outcome = running.finish();
         assert_eq!(outcome.code, 0, "{name}: {}{}", outcome.out, outcome.err);
+        assert!(outcome.err.contains("no service manager is told"), "{}", outcome.err);
         assert_eq!(std::fs::read_dir(folder.join(name)).unwrap().count(), 1, "one recording of {name}");
     }
 }

@@ -34,7 +34,8 @@ impl Keepsake {
 
     /// Lets the node write, if it is time; a memory that is full costs the keepsake, never the step.
     pub fn keep(&mut self, step: &Step, write: impl FnOnce(&mut [u8]) -> usize) {
-        if step.now_ns() < self.due_ns {
+        // Due later than one period from now, it belongs to a time that a driver set back.
+        if (1..=KEEP_EVERY_NS).contains(&self.due_ns.saturating_sub(step.now_ns())) {
             return;
         }
         self.due_ns = step.now_ns() + KEEP_EVERY_NS;

@@ -314,7 +314,7 @@ impl Link {
     ) -> Result<bool, NodeError> {
         let host = host_ns();
         self.read_clock(step, host)?;
-        if self.waits.get() && !self.clock.lockstep() {
+        if self.is_waiting() {
             return Ok(true);
         }
         if let Some(period_ns) = self.tick_ns {
@@ -343,6 +343,11 @@ impl Link {
         Ok(go_on)
     }
 
+    /// Whether time has not begun: in lockstep, before the driver's first word.
+    fn is_waiting(&self) -> bool {
+        self.waits.get() && !self.clock.lockstep()
+    }
+
     fn read_clock(&mut self, step: &mut Step, host: u64) -> Result<(), NodeError> {
         // The clock is read outside the record of inputs: `now` in the header is its effect.
         let mut aside = Step::new();
@@ -361,7 +366,7 @@ impl Link {
     fn timeout(&self, step: &Step, next_tick_ns: u64, next_beat_ns: u64) -> Duration {
         let host = host_ns();
         let beat = Duration::from_nanos(next_beat_ns.saturating_sub(host));
-        if self.waits.get() && !self.clock.lockstep() {
+        if self.is_waiting() {
             return beat;
         }
         let tick = self.tick_ns.and_then(|_| self.clock.until(next_tick_ns, host));

@@ -131,7 +131,11 @@ mod tests {
 
     /// Feeds frames (number, sent) that are answered 1 ms later; the times counted.
     fn drive(frames: impl IntoIterator<Item = (u64, u64)>) -> Vec<u64> {
-        let (mut all, mut times) = (Frames::new(), Vec::new());
+        drive_with(Frames::new(), frames)
+    }
+
+    fn drive_with(mut all: Frames, frames: impl IntoIterator<Item = (u64, u64)>) -> Vec<u64> {
+        let mut times = Vec::new();
         for (number, sent_ns) in frames {
             all.sent(number, sent_ns, &mut |time| times.push(time));
             all.answered(number, sent_ns + 1_000_000, &mut |time| times.push(time));
@@ -165,6 +169,16 @@ mod tests {
         let late: Vec<_> = times.iter().filter(|&&time| time > 1_000_000).collect();
         assert_eq!(late, [&(2 * PERIOD_NS + 1_000_000), &(PERIOD_NS + 1_000_000)]);
         assert_eq!(times.len(), 82);
+    }
+
+    /// In lockstep every other frame comes much later than the one before; one number is missing.
+    #[test]
+    fn in_lockstep_only_a_missing_number_is_a_missing_frame() {
+        let mut frames = Frames::new();
+        frames.pace(false);
+        let sent_ns = |n: u64| n * PERIOD_NS + n / 2 * 10 * PERIOD_NS;
+        let times = drive_with(frames, (1..=80).filter(|n| *n != 41).map(|n| (n, sent_ns(n))));
+        assert_eq!(times.len(), 80);
     }
 
     #[test]
