@@ -43,7 +43,7 @@ pub use operator::{Estop, EstopAction, Teleop};
 pub use proposal::{Proposal, TRAJECTORY_MAX, WINDOW_S, clamp_to_window};
 pub use recording::{
     DEPTH_REST_BYTES, DEPTH_REST_CHANNEL, LAYOUT_ENCODING, LAYOUT_HASH_KEY, LOST_RECORD, MONO_TO_WALL_KEY,
-    ORIGIN_RECORD, RAW_ENCODING,
+    ORIGIN_RECORD, RAW_ENCODING, Recording, Snapshot,
 };
 pub use robot::{Actuator, Camera, Footprint, Lidar, Limits, Robot, RobotError, Start, Ultrasonic};
 pub use scan::{SCAN_BEAMS, Scan};

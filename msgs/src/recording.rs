@@ -5,7 +5,35 @@
 //! shows, on `depth`; header and all other fields stand on [`DEPTH_REST_CHANNEL`]; both together are the message.
 
 use crate::depth::DepthFrame;
+use crate::layout::{ZeroCopySend, record};
 use std::mem::offset_of;
+
+record! {
+    /// What the recorder has begun and kept. Writer: `recorder`, at each change. Readers: nodes that keep a state (a new file
+    /// asks them for it, so that the file can be replayed), tools.
+    pub struct Recording("sidestep/Recording/1") {
+        /// Files begun by this life of the recorder; each raise asks for the states.
+        pub files: u64,
+        /// Snapshots of the black box written, on whatever ground.
+        pub snapshots: u64,
+        /// Token of the last [`Snapshot`] whose file is complete; 0 = none.
+        pub snapshot_token: u64,
+        /// `[s]` how far back the black box reaches.
+        pub held_s: f32,
+        /// Zero.
+        pub _pad: u32,
+    }
+}
+
+record! {
+    /// The wish to keep the last seconds: the recorder writes its black box into a file of its own.
+    ///
+    /// Writer: the operator. Reader: `recorder`, which names the token in [`Recording`].
+    pub struct Snapshot("sidestep/Snapshot/1") {
+        /// Drawn by the operator's command, to know its acknowledgement.
+        pub token: u64,
+    }
+}
 
 /// Message encoding of a channel that carries header and message as they are in memory, little-endian.
 pub const RAW_ENCODING: &str = "sidestep.raw";

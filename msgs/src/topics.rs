@@ -138,11 +138,11 @@ topics! {
     /// The velocity command.
     COMMAND: Command = 16 "command" by "arbiter" at 130.0 Hz, buffer 64, borrow 2, history 0, readers 8;
     /// State of the mapper.
-    STATE_MAPPER: MapperState = 17 "state/mapper" by "mapper" at 0.1 Hz, buffer 2, borrow 1, history 1, readers 2;
+    STATE_MAPPER: MapperState = 17 "state/mapper" by "mapper" at 0.1 Hz, buffer 4, borrow 1, history 1, readers 2;
     /// State of the goal node.
-    STATE_GOAL: GoalState = 18 "state/goal" by "goal" at 0.1 Hz, buffer 2, borrow 1, history 1, readers 2;
+    STATE_GOAL: GoalState = 18 "state/goal" by "goal" at 0.1 Hz, buffer 4, borrow 1, history 1, readers 2;
     /// State of the arbiter.
-    STATE_ARBITER: ArbiterState = 19 "state/arbiter" by "arbiter" at 0.1 Hz, buffer 2, borrow 1, history 1, readers 2;
+    STATE_ARBITER: ArbiterState = 19 "state/arbiter" by "arbiter" at 0.1 Hz, buffer 4, borrow 1, history 1, readers 2;
     /// Heartbeat of `sim`.
     HEALTH_SIM: Health = 20 "health/sim" by "sim" at 40.0 Hz, buffer 8, borrow 2, history 1, readers 6;
     /// Heartbeat of `player`.
@@ -163,6 +163,10 @@ topics! {
     HEALTH_RECORDER: Health = 28 "health/recorder" by "recorder" at 40.0 Hz, buffer 8, borrow 2, history 1, readers 6;
     /// Heartbeat of `guard`.
     HEALTH_GUARD: Health = 29 "health/guard" by "guard" at 40.0 Hz, buffer 8, borrow 2, history 1, readers 6;
+    /// The wish to keep the last seconds.
+    SNAPSHOT: Snapshot = 30 "snapshot" by "operator" at 0.0 Hz, buffer 4, borrow 1, history 0, readers 4;
+    /// What the recorder has begun and kept.
+    RECORDING: Recording = 31 "recording" by "recorder" at 0.0 Hz, buffer 4, borrow 1, history 1, readers 16;
 }
 
 const _: () = assert!(TOPICS.len() <= TOPICS_MAX);

@@ -83,6 +83,14 @@ impl<M: Message> Inbox<M> {
         self.last = Some((header.incarnation, header.sequence));
     }
 
+    /// Whether a message waits that was not taken before.
+    ///
+    /// # Errors
+    /// [`NodeError::Transport`].
+    pub fn has_news(&self) -> Result<bool, NodeError> {
+        self.subscriber.has_samples().map_err(|error| self.refused(error))
+    }
+
     /// The newest message that was not taken before, if there is one.
     ///
     /// # Errors

@@ -13,7 +13,9 @@ use iceoryx2::prelude::{
     CallbackProgression, FileDescriptor, FileDescriptorBased, Node, SignalHandlingMode,
     SynchronousMultiplexing, WaitSet, WaitSetBuilder, ipc,
 };
-use sidestep_msgs::{CLOCK, Clock, Health, Message, NodeState, TOPICS_MAX, Topic, health_topic};
+use sidestep_msgs::{
+    CLOCK, Clock, Health, Message, NodeState, RECORDING, Recording, TOPICS_MAX, Topic, health_topic,
+};
 use std::cell::{Cell, RefCell};
 use std::io::Read;
 use std::os::fd::AsRawFd;
@@ -107,6 +109,8 @@ pub struct Link {
     waits: Cell<bool>,
     /// Writers of rare topics: a reader that joins late gets the newest message at the next heartbeat.
     rare: RefCell<Vec<Rc<dyn UpdateConnections>>>,
+    /// For a node that keeps a state: a recorder that begins a file asks for it.
+    files: RefCell<Option<Inbox<Recording>>>,
     /// `[ns]` host time at which [`Link::look`] meets late readers next.
     meet_ns: u64,
     // Dropped last: everything above lives in it.
@@ -171,6 +175,7 @@ impl Link {
             tick_ns: None,
             waits: Cell::new(false),
             rare: RefCell::default(),
+            files: RefCell::default(),
             meet_ns: 0,
             node,
         })
@@ -194,6 +199,9 @@ impl Link {
         if topic.index == CLOCK.index {
             // Whoever moves time waits for nobody's word.
             self.waits.set(false);
+        }
+        if topic.row().name.starts_with("state/") {
+            *self.files.borrow_mut() = Some(self.inbox(RECORDING, Keep::Newest)?);
         }
         if topic.row().history > 0 && topic.row().rate_hz <= RARE_HZ {
             self.rare.borrow_mut().push(publisher.clone());
@@ -360,6 +368,11 @@ impl Link {
         step.epoch_raised |= raised;
         step.open_loop = self.clock.open_loop();
         step.lockstep = self.clock.lockstep();
+        if let Some(files) = self.files.get_mut()
+            && files.newest(&mut aside)?.is_some()
+        {
+            step.owe_state();
+        }
         Ok(())
     }
 

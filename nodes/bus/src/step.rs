@@ -104,7 +104,13 @@ impl Step {
         self.lockstep
     }
 
-    /// Whether the node owes its state to the recording: after its first step, then every 10 s; asking settles the debt.
+    /// The recorder asks for the state.
+    pub(crate) fn owe_state(&mut self) {
+        self.state_due_ns = 0;
+    }
+
+    /// Whether the node owes its state to the recording: after its first step, every 10 s, and when a file begins; asking
+    /// settles the debt.
     #[must_use]
     pub fn owes_state(&mut self) -> bool {
         let due = self.epoch_raised || self.now_ns >= self.state_due_ns;

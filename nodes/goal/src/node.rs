@@ -1,10 +1,23 @@
 //! The goal in the graph: one local goal per local map.
 
 use crate::{Config, Goal};
-use sidestep_bus::{Boot, Keep, Link, NodeError};
+use sidestep_bus::{Boot, Keep, Link, NodeError, Outbox, Step};
 use sidestep_msgs::{
-    Code, LOCAL_GOAL, LOCAL_MAP, LocalGoal, ODOMETRY, PATH, STATE_GOAL, Stage, Status, TARGET,
+    Code, GoalState, LOCAL_GOAL, LOCAL_MAP, LocalGoal, ODOMETRY, PATH, STATE_GOAL, Stage, Status, TARGET,
 };
+
+/// Says what the goal keeps after a step; 0 = at its birth.
+fn tell(
+    states: &mut Outbox<GoalState>,
+    step: &mut Step,
+    goal: &Goal,
+    after_sequence: u64,
+) -> Result<(), NodeError> {
+    states.send(step, |state| {
+        state.after_sequence = after_sequence;
+        state.size = goal.state(&mut state.bytes) as u64;
+    })
+}
 
 /// Answers maps until asked to stop.
 ///
@@ -23,6 +36,9 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let mut goals = link.outbox(LOCAL_GOAL)?;
     let mut states = link.outbox(STATE_GOAL)?;
     link.wake_on(LOCAL_MAP)?;
+    let mut birth = Step::new();
+    link.look(&mut birth)?;
+    tell(&mut states, &mut birth, &goal, 0)?;
     link.run(|step| {
         if step.epoch_raised() {
             goal.reset();
@@ -43,11 +59,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
         step.status(status);
         goals.send(step, |message| *message = out)?;
         if step.owes_state() {
-            let after_sequence = goals.next_sequence() - 1;
-            states.send(step, |state| {
-                state.after_sequence = after_sequence;
-                state.size = goal.state(&mut state.bytes) as u64;
-            })?;
+            tell(&mut states, step, &goal, goals.next_sequence() - 1)?;
         }
         Ok(())
     })

@@ -1,10 +1,24 @@
 //! The mapper in the graph: one local map and one safety map per depth frame or sweep.
 
 use crate::{Config, Mapper};
-use sidestep_bus::{Boot, Keep, Keepsake, Link, NodeError};
+use sidestep_bus::{Boot, Keep, Keepsake, Link, NodeError, Outbox, Step};
 use sidestep_msgs::{
-    DEPTH, LOCAL_MAP, MAPPER_STATE_BYTES, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER, Stage,
+    DEPTH, LOCAL_MAP, MAPPER_STATE_BYTES, MapperState, ODOMETRY, RANGES, SAFETY_MAP, SCAN, STATE_MAPPER,
+    Stage,
 };
+
+/// Says what the mapper keeps after a step; 0 = at its birth.
+fn tell(
+    states: &mut Outbox<MapperState>,
+    step: &mut Step,
+    mapper: &Mapper,
+    after_sequence: u64,
+) -> Result<(), NodeError> {
+    states.send(step, |state| {
+        state.after_sequence = after_sequence;
+        state.size = mapper.state(&mut state.bytes) as u64;
+    })
+}
 
 /// Maps until asked to stop.
 ///
@@ -33,6 +47,9 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let mut states = link.outbox(STATE_MAPPER)?;
     link.wake_on(DEPTH)?;
     link.wake_on(SCAN)?;
+    let mut birth = Step::new();
+    link.look(&mut birth)?;
+    tell(&mut states, &mut birth, &mapper, 0)?;
     link.run(|step| {
         if step.epoch_raised() {
             mapper.reset();
@@ -56,11 +73,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
         safety.send(step, |map| mapper.write_safety(map))?;
         keepsake.keep(step, |bytes| mapper.state(bytes));
         if step.owes_state() {
-            let after_sequence = local.next_sequence() - 1;
-            states.send(step, |state| {
-                state.after_sequence = after_sequence;
-                state.size = mapper.state(&mut state.bytes) as u64;
-            })?;
+            tell(&mut states, step, &mapper, local.next_sequence() - 1)?;
         }
         Ok(())
     })

@@ -1,0 +1,1 @@
+//! Where policy and expert, or two models, disagree in a recording.

@@ -1,0 +1,1 @@
+//! The channels of a run over the Foxglove WebSocket.

@@ -1,0 +1,1 @@
+//! Runs the nodes of a recording again, step by step, and compares every byte.

@@ -1,0 +1,1 @@
+//! Reports that stand alone: one HTML file with SVG plots, and JSON.
