@@ -11,6 +11,7 @@ mod notify;
 mod operator;
 mod output;
 mod recordings;
+mod replay;
 mod report;
 mod roles;
 mod run;
@@ -93,6 +94,8 @@ enum Commands {
         #[command(flatten)]
         flags: RunFlags,
     },
+    /// Runs the nodes of a recording again and compares every byte.
+    Replay(replay::ReplayArguments),
     /// Says what a recording holds.
     Info {
         /// An .mcap or .mcap.active file.
@@ -277,6 +280,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
             let graph = run_options(Some("play".to_owned()), flags);
             run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
         }
+        Commands::Replay(arguments) => replay::run(&arguments),
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
         Commands::Import(arguments) => recordings::import(arguments),
         Commands::Latency { file, json, trace, gate_latency } => {

@@ -251,6 +251,17 @@ fn apply(table: &mut toml::Table, setting: &str) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The text of a graph file with settings applied.
+///
+/// # Errors
+/// Exit code 2 with the setting and what is wrong with it.
+pub(crate) fn with_settings(origin: &str, text: &str, settings: &[String]) -> Result<String, Failure> {
+    let wrong = |error: &dyn std::fmt::Display| Failure::usage(format!("graph {origin}: {error}"));
+    let mut table: toml::Table = text.parse().map_err(|error: toml::de::Error| wrong(&error))?;
+    settings.iter().try_for_each(|setting| apply(&mut table, setting))?;
+    toml::to_string(&table).map_err(|error| wrong(&error))
+}
+
 impl Graph {
     /// Reads, resolves and checks a graph file.
     ///
@@ -261,13 +272,7 @@ impl Graph {
         // Parsed as it stands first, so that line and column are those of the file.
         let mut file = Self::parse(origin, &text)?;
         if !settings.is_empty() {
-            let mut table: toml::Table =
-                text.parse().map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
-            for setting in settings {
-                apply(&mut table, setting)?;
-            }
-            text = toml::to_string(&table)
-                .map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
+            text = with_settings(origin, &text, settings)?;
             file = Self::parse(&format!("{origin} with --set {}", settings.join(" --set ")), &text)?;
         }
         let robot_text = read("robot", ROBOTS, &file.robot)?;

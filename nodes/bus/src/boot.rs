@@ -2,6 +2,7 @@
 
 use crate::domain::DomainName;
 use crate::error::NodeError;
+use crate::graph_file::GraphFile;
 use serde::de::DeserializeOwned;
 use sidestep_msgs::{Robot, Winner};
 use std::path::PathBuf;
@@ -78,11 +79,8 @@ impl Boot {
         })
     }
 
-    fn graph(&self) -> Result<toml::Table, NodeError> {
-        let text = Self::read(&self.graph)?;
-        text.parse().map_err(|error| {
-            NodeError::Configuration(format!("graph file {}: {error}", self.graph.display()))
-        })
+    fn graph(&self) -> Result<GraphFile, NodeError> {
+        GraphFile::parse(&self.graph.display().to_string(), &Self::read(&self.graph)?)
     }
 
     /// The node's own table `nodes.NAME.config` of the graph file.
@@ -90,40 +88,31 @@ impl Boot {
     /// # Errors
     /// [`NodeError::File`], or [`NodeError::Configuration`] with the key and what is allowed.
     pub fn config<C: DeserializeOwned>(&self) -> Result<C, NodeError> {
-        let graph = self.graph()?;
-        let config = ["nodes", &self.node, "config"]
-            .iter()
-            .try_fold(&toml::Value::Table(graph), |value, key| value.get(key))
-            .cloned()
-            .unwrap_or_else(|| toml::Value::Table(toml::Table::new()));
-        config.try_into().map_err(|error| {
-            NodeError::Configuration(format!("graph file: nodes.{}.config: {error}", self.node))
-        })
+        self.graph()?.config(&self.node)
     }
 
-    /// The proposer that drives: [`Winner::Policy`] or [`Winner::Expert`], and whether the expert refines.
+    /// As [`GraphFile::lead`].
     ///
     /// # Errors
     /// [`NodeError::File`] or [`NodeError::Configuration`].
     pub fn lead(&self) -> Result<String, NodeError> {
-        let graph = self.graph()?;
-        Ok(graph.get("lead").and_then(toml::Value::as_str).unwrap_or("policy").to_owned())
+        Ok(self.graph()?.lead().to_owned())
     }
 
-    /// The proposer whose command drives under a lead: all leads but `policy` are the expert node's.
+    /// As [`GraphFile::lead_winner`].
     ///
     /// # Errors
     /// As [`Boot::lead`].
     pub fn lead_winner(&self) -> Result<Winner, NodeError> {
-        Ok(if self.lead()? == "policy" { Winner::Policy } else { Winner::Expert })
+        Ok(self.graph()?.lead_winner())
     }
 
-    /// A top-level text of the graph file, such as `resume`.
+    /// As [`GraphFile::text`].
     ///
     /// # Errors
     /// [`NodeError::File`] or [`NodeError::Configuration`].
     pub fn graph_text(&self, key: &str) -> Result<Option<String>, NodeError> {
-        Ok(self.graph()?.get(key).and_then(toml::Value::as_str).map(str::to_owned))
+        Ok(self.graph()?.text(key).map(str::to_owned))
     }
 
     /// Whether graph time moves only when the driver says so: `time = "lockstep"` in the graph file.
@@ -131,17 +120,15 @@ impl Boot {
     /// # Errors
     /// [`NodeError::File`] or [`NodeError::Configuration`].
     pub fn is_lockstep(&self) -> Result<bool, NodeError> {
-        Ok(self.graph_text("time")?.as_deref() == Some("lockstep"))
+        Ok(self.graph()?.text("time") == Some("lockstep"))
     }
 
-    /// Whether the graph has a node of this name.
+    /// As [`GraphFile::has_node`].
     ///
     /// # Errors
     /// [`NodeError::File`] or [`NodeError::Configuration`].
     pub fn has_node(&self, name: &str) -> Result<bool, NodeError> {
-        let graph = self.graph()?;
-        let has = |kind| graph.get(kind).and_then(|nodes| nodes.get(name)).is_some();
-        Ok(has("nodes") || has("external"))
+        Ok(self.graph()?.has_node(name))
     }
 
     /// `[s]` the node's latency budget of the graph file, if it has one.
@@ -149,9 +136,7 @@ impl Boot {
     /// # Errors
     /// [`NodeError::File`] or [`NodeError::Configuration`].
     pub fn budget_s(&self) -> Result<Option<f64>, NodeError> {
-        let graph = self.graph()?;
-        let budget = graph.get("budgets_ms").and_then(|budgets| budgets.get(&self.node));
-        Ok(budget.and_then(toml::Value::as_float).map(|ms| ms * 1e-3))
+        Ok(self.graph()?.budget_s(&self.node))
     }
 
     /// The files of the run: the resolved graph, the robot, which model drives, and that model where no binary holds it.

@@ -25,5 +25,6 @@ pub use candidates::{PIECE_STEPS, PIECES};
 pub use config::{Config, ConfigError, Lead, Weights};
 pub use expert::Expert;
 pub use node::run;
+pub use pairing::{Frame, Pairing};
 pub use planner::{Mode, Plan, Planner};
 pub use problem::{HORIZON_STEPS, STEP_S, UNKNOWN_COST};

@@ -7,16 +7,18 @@ const MAPS: usize = 2;
 
 /// A goal that waits for its answer.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Frame {
-    pub(crate) goal: LocalGoal,
-    pub(crate) header: Header,
+pub struct Frame {
+    /// The goal.
+    pub goal: LocalGoal,
+    /// Its header.
+    pub header: Header,
     /// `[ns]` graph time from which it is answered without the policy.
-    pub(crate) deadline_ns: u64,
+    pub deadline_ns: u64,
 }
 
 /// What has arrived.
 #[derive(Debug)]
-pub(crate) struct Pairing {
+pub struct Pairing {
     maps: [(u64, LocalMap); MAPS],
     next_map: usize,
     frame: Option<Frame>,
@@ -26,21 +28,25 @@ pub(crate) struct Pairing {
 }
 
 impl Pairing {
-    pub(crate) fn new(wait_ns: Option<u64>) -> Self {
+    /// Nothing has come; `wait_ns` of graph time for the policy, `None` where the expert does not refine.
+    #[must_use]
+    pub fn new(wait_ns: Option<u64>) -> Self {
         Self { maps: [(0, LocalMap::default()); MAPS], next_map: 0, frame: None, policy: None, wait_ns }
     }
 
-    pub(crate) fn reset(&mut self) {
+    /// Forgets everything: graph time jumped.
+    pub fn reset(&mut self) {
         *self = Self::new(self.wait_ns);
     }
 
-    pub(crate) fn map(&mut self, map: &LocalMap, header: &Header) {
+    /// Takes a map.
+    pub fn map(&mut self, map: &LocalMap, header: &Header) {
         self.maps[self.next_map] = (header.sequence, *map);
         self.next_map = (self.next_map + 1) % MAPS;
     }
 
     /// Takes a goal; one that still waited is passed over. Returns when to wake at the latest.
-    pub(crate) fn goal(&mut self, goal: &LocalGoal, header: &Header, now_ns: u64) -> u64 {
+    pub fn goal(&mut self, goal: &LocalGoal, header: &Header, now_ns: u64) -> u64 {
         let waits = header.status == Status::Ok.code();
         let wait_ns = self.wait_ns.filter(|_| waits).unwrap_or(0);
         let deadline_ns = now_ns.saturating_add(wait_ns);
@@ -48,12 +54,13 @@ impl Pairing {
         deadline_ns
     }
 
-    pub(crate) fn policy(&mut self, proposal: &Proposal, header: &Header) {
+    /// Takes a proposal of the policy.
+    pub fn policy(&mut self, proposal: &Proposal, header: &Header) {
         self.policy = Some((*proposal, *header));
     }
 
     /// The frame to answer now, with the policy's proposal where there is one for it.
-    pub(crate) fn ready(&mut self, now_ns: u64) -> Option<(Frame, Option<Twist>)> {
+    pub fn ready(&mut self, now_ns: u64) -> Option<(Frame, Option<Twist>)> {
         let frame = self.frame?;
         let answer = self.policy.as_ref().filter(|(proposal, header)| {
             header.source_frame == frame.header.source_frame && proposal.capture_ns == frame.goal.capture_ns
@@ -67,7 +74,8 @@ impl Pairing {
     }
 
     /// The map that a goal names.
-    pub(crate) fn map_of(&self, goal: &LocalGoal) -> Option<&LocalMap> {
+    #[must_use]
+    pub fn map_of(&self, goal: &LocalGoal) -> Option<&LocalMap> {
         let named = |(sequence, map): &&(u64, LocalMap)| {
             *sequence == goal.map_sequence && map.capture_ns == goal.capture_ns
         };

@@ -15,6 +15,7 @@ mod convolution;
 mod error;
 mod export;
 mod graph;
+mod kept_maps;
 mod kernels;
 mod network;
 mod node;
@@ -26,6 +27,7 @@ pub use contract::{Contract, Golden, fingerprint};
 pub use convolution::{ROW_CELLS, convolve};
 pub use error::ModelError;
 pub use export::to_onnx;
+pub use kept_maps::KeptMaps;
 pub use kernels::{DenseChain, DenseScratch, ValueIteration, ValueScratch};
 #[doc(hidden)]
 pub use lanes::Kind as LaneKind;

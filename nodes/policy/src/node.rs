@@ -1,11 +1,8 @@
 //! The policy in the graph: one proposal per local goal, on the map that the goal names.
 
-use crate::Config;
+use crate::{Config, KeptMaps};
 use sidestep_bus::{Boot, Keep, Link, NodeError};
 use sidestep_msgs::{Code, LOCAL_GOAL, LOCAL_MAP, LocalMap, POLICY_COMMAND, Stage, Status};
-
-/// Maps kept until their goal arrives.
-const MAPS_KEPT: usize = 4;
 
 /// Answers goals until asked to stop.
 ///
@@ -18,9 +15,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     if let Some(warning) = policy.warning() {
         warn(warning);
     }
-    // Sequence and map, the oldest overwritten.
-    let mut kept = [(0, LocalMap::default()); MAPS_KEPT];
-    let mut next = 0;
+    let mut kept = KeptMaps::default();
     let no_map = LocalMap::default();
 
     let mut link = Link::open(boot)?;
@@ -30,18 +25,15 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     link.wake_on(LOCAL_GOAL)?;
     link.run(|step| {
         if step.epoch_raised() {
-            kept.iter_mut().for_each(|(sequence, _)| *sequence = 0);
+            kept.forget();
         }
-        maps.each(step, |map, header| {
-            kept[next] = (header.sequence, *map);
-            next = (next + 1) % MAPS_KEPT;
-        })?;
+        maps.each(step, |map, header| kept.keep(map, header.sequence))?;
         let Some(goal) = goals.newest(step)? else { return Ok(()) };
         let goal_status = Status::from_code(goal.header().status).unwrap_or(Status::Fault);
-        let map = kept.iter().find(|(sequence, _)| *sequence == goal.map_sequence && *sequence != 0);
+        let map = kept.of(&goal);
         step.follow(goal.header(), Stage::Policy);
         proposals.send_with(step, |out| match map {
-            Some((_, map)) => policy.propose(map, &goal, goal_status, out),
+            Some(map) => policy.propose(map, &goal, goal_status, out),
             None => policy.propose(&no_map, &goal, Status::NoMap, out),
         })
     })
