@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// A recorded drive again, byte for byte.
+mod replay;

@@ -44,6 +44,10 @@ pub(crate) struct Memory {
     pub(crate) begun: u32,
     /// 1 in the last step's open loop.
     pub(crate) open_loop: u32,
+    /// 1 where an earlier life was ended by force: the base may be rolling.
+    pub(crate) restarted: u32,
+    /// Zero.
+    pub(crate) _pad: u32,
 }
 
 /// The velocity arbiter.
@@ -57,7 +61,6 @@ pub struct Arbiter {
     pub(crate) space: FreeSpace,
     pub(crate) free_code: u8,
     pub(crate) old_code: u8,
-    pub(crate) restarted: bool,
     pub(crate) memory: Memory,
 }
 
@@ -91,7 +94,11 @@ impl Arbiter {
             });
         }
         let restarted = incarnation > 0;
-        let memory = Memory { operator: Operator::new(restarted), ..Memory::zeroed() };
+        let memory = Memory {
+            operator: Operator::new(restarted),
+            restarted: u32::from(restarted),
+            ..Memory::zeroed()
+        };
         Ok(Self {
             config: config.clone(),
             robot: robot.clone(),
@@ -101,7 +108,6 @@ impl Arbiter {
             space: FreeSpace::new(),
             free_code: (config.free_below * 255.0) as u8,
             old_code: (config.back_up_age_s * 10.0) as u8,
-            restarted,
             memory,
         })
     }
@@ -114,6 +120,7 @@ impl Arbiter {
             last: before.last,
             last_ns: before.last_ns,
             begun: before.begun,
+            restarted: before.restarted,
             ..Memory::zeroed()
         };
         self.space.clear();
@@ -229,7 +236,7 @@ impl Arbiter {
         }
         if memory.begun == 0 {
             memory.begun = 1;
-            if self.restarted {
+            if memory.restarted != 0 {
                 memory.last = Motion::steady(self.limiter.bounded(memory.inputs.odometry.twist));
             }
             return TICK_S;

@@ -44,7 +44,7 @@ impl Fields {
         other: &[u8],
         sums: &mut BTreeMap<String, Distance>,
     ) {
-        let mut here: BTreeMap<String, (f64, u64)> = BTreeMap::new();
+        let mut here: BTreeMap<String, (Option<f64>, u64)> = BTreeMap::new();
         walk(self.0[topic], 0, &mut String::new(), &mut |name, place, primitive| {
             let bytes = place..place + width(primitive);
             if one[bytes.clone()] == other[bytes.clone()] {
@@ -53,15 +53,21 @@ impl Fields {
             let apart = (number(primitive, &one[bytes.clone()]) - number(primitive, &other[bytes])).abs();
             let plain = name.split('[').next().unwrap_or(name).to_owned();
             let (most, count) = here.entry(plain).or_default();
-            *most = if apart.is_nan() { *most } else { most.max(apart) };
+            // Codes, stamps and counts are no quantities, and an age may be infinite.
+            if apart.is_finite() && is_quantity(primitive) {
+                *most = Some(most.unwrap_or(0.0).max(apart));
+            }
             *count += 1;
         });
         for (name, (most, values)) in here {
             let distance = sums.entry(name).or_default();
             distance.messages += 1;
             distance.values += values;
-            distance.sum += most;
-            distance.most = distance.most.max(most);
+            if let Some(most) = most {
+                distance.measured += 1;
+                distance.sum += most;
+                distance.most = distance.most.max(most);
+            }
         }
     }
 }
@@ -73,10 +79,17 @@ pub(crate) struct Distance {
     pub(crate) messages: u64,
     /// Values that moved, where the field is an array.
     pub(crate) values: u64,
+    /// Messages among those whose distance is a number.
+    pub(crate) measured: u64,
     /// Sum over messages of the largest distance within each.
     pub(crate) sum: f64,
     /// The largest distance.
     pub(crate) most: f64,
+}
+
+/// Whether a distance between two values means something.
+fn is_quantity(primitive: Primitive) -> bool {
+    matches!(primitive, Primitive::U8 | Primitive::F32 | Primitive::F64)
 }
 
 fn width(primitive: Primitive) -> usize {
@@ -159,7 +172,7 @@ mod tests {
                 &mut sums,
             );
         }
-        let distance = Distance { messages: 2, values: 4, sum: 20.0, most: 10.0 };
+        let distance = Distance { messages: 2, values: 4, measured: 2, sum: 20.0, most: 10.0 };
         assert_eq!(sums.into_iter().collect::<Vec<_>>(), vec![("occupancy".to_owned(), distance)]);
     }
 }

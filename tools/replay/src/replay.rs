@@ -83,13 +83,14 @@ impl Findings {
         let mut changes = Vec::new();
         for (topic, (count, distances)) in &self.moved {
             for (field, distance) in distances {
+                let measured = distance.measured > 0;
                 changes.push(Change {
                     topic: TOPICS[*topic].name,
                     field: field.clone(),
                     messages: distance.messages,
                     share: distance.messages as f64 / (*count).max(1) as f64,
-                    mean: distance.sum / distance.messages.max(1) as f64,
-                    most: distance.most,
+                    mean: measured.then(|| distance.sum / distance.measured as f64),
+                    most: measured.then_some(distance.most),
                 });
             }
         }

@@ -51,10 +51,10 @@ pub struct Change {
     pub messages: u64,
     /// Share of the topic's compared messages.
     pub share: f64,
-    /// Mean over those messages of the largest distance within each, in the unit of the field.
-    pub mean: f64,
+    /// Mean over those messages of the largest distance within each, in the unit of the field; `None` for codes and counts.
+    pub mean: Option<f64>,
     /// The largest distance.
-    pub most: f64,
+    pub most: Option<f64>,
 }
 
 /// What came of a replay.
@@ -122,10 +122,10 @@ impl Report {
         for change in &self.changes {
             let Change { topic, field, messages, share, mean, most } = change;
             let share = 100.0 * share;
-            let _ = writeln!(
-                text,
-                "changed: {topic}.{field} in {messages} messages ({share:.1} %), mean {mean:.4}, most {most:.4}"
-            );
+            let far = mean
+                .zip(*most)
+                .map_or(String::new(), |(mean, most)| format!(", mean {mean:.4}, most {most:.4}"));
+            let _ = writeln!(text, "changed: {topic}.{field} in {messages} messages ({share:.1} %){far}");
         }
         if let Some(first) = self.first.as_ref().filter(|_| self.changes.is_empty()) {
             let Difference { topic, incarnation, sequence, source_frame, field, recorded, replayed } = first;

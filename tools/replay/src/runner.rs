@@ -123,7 +123,9 @@ impl Runner {
                 }
             }
         }
-        self.go_on(&step, before, from_state, exact);
+        if !self.go_on(&step, before, from_state, exact) {
+            return self.pass_over(&step, "its state is of another version");
+        }
         inputs.iter().for_each(|entry| self.node.take(entry));
         self.at = Some((key, step.header.epoch));
         self.steps.pop_front();
@@ -140,13 +142,16 @@ impl Runner {
         }
     }
 
-    /// Brings the node to where the step begins: from a state where it must, and through a jump of graph time.
-    fn go_on(&mut self, step: &Entry, before: Key, from_state: bool, exact: bool) {
+    /// Brings the node to where the step begins: from a state where it must, and through a jump of graph time. False where the
+    /// state is none of this version's.
+    fn go_on(&mut self, step: &Entry, before: Key, from_state: bool, exact: bool) -> bool {
         let state = self.states.remove(&before);
         let mut epoch = self.at.map_or(step.header.epoch, |(_, epoch)| epoch);
         if let Some(state) = &state {
             if from_state {
-                self.node.restore(&state.bytes);
+                if !self.node.restore(&state.bytes) {
+                    return false;
+                }
                 // A state told at birth was told before the first word of the clock.
                 epoch = if before.1 == 0 { step.header.epoch } else { state.epoch };
             } else if exact && before.1 != 0 {
@@ -160,6 +165,7 @@ impl Runner {
         if step.header.epoch > epoch {
             self.node.reset();
         }
+        true
     }
 
     fn pass_over(&mut self, step: &Rc<Entry>, why: impl Into<String>) -> Turn {
