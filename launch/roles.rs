@@ -2,6 +2,11 @@
 
 use crate::failure::Failure;
 use sidestep_bus::{Boot, DomainName, NodeError, environment, sweep};
+use sidestep_recorder::Fan;
+use std::sync::Arc;
+
+/// Candidates of the expert that a view shows.
+const FAN_CURVES: usize = 150;
 
 type Role = fn(&Boot) -> Result<(), NodeError>;
 
@@ -14,8 +19,21 @@ const ROLES: &[(&str, Role)] = &[
     ("policy", sidestep_policy::run),
     ("expert", sidestep_expert::run),
     ("arbiter", sidestep_arbiter::run),
-    ("recorder", sidestep_recorder::run),
+    ("recorder", |boot| sidestep_recorder::run(boot, Some(fan(boot)?))),
 ];
+
+/// What the expert of this run weighs, for views: nodes do not know each other.
+///
+/// # Errors
+/// [`NodeError::File`] or [`NodeError::Configuration`] of the robot.
+pub(crate) fn fan(boot: &Boot) -> Result<Fan, NodeError> {
+    let limits = boot.robot()?.limits;
+    let expert = Boot { node: "expert".into(), ..boot.clone() };
+    let shipped = sidestep_expert::Config::STANDARD;
+    let candidates =
+        expert.config().map_or(shipped.candidates, |config: sidestep_expert::Config| config.candidates);
+    Ok(Arc::new(move |goal| sidestep_expert::fan(&limits, candidates, FAN_CURVES, goal.twist)))
+}
 
 /// Runs a node until it is asked to stop.
 ///
