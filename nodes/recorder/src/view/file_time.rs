@@ -80,6 +80,15 @@ impl FileTime {
     }
 }
 
+/// Whether something that is shown each `every_ns` of graph time is due, which is remembered; at once where time was set back.
+pub(crate) fn is_due(before_ns: &mut Option<u64>, now_ns: u64, every_ns: u64) -> bool {
+    let due = before_ns.is_none_or(|before_ns| now_ns < before_ns || now_ns - before_ns >= every_ns);
+    if due {
+        *before_ns = Some(now_ns);
+    }
+    due
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,7 @@
 
 use super::Seen;
 use super::channels::{BEAMS, CAMERA, ROUTE, TF};
-use super::file_time::FileTime;
+use super::file_time::{FileTime, is_due};
 use super::shapes::{BASE, BODY, CAMERA_FRAME, ODOM, WORLD, pose, tilt, vector, yaw};
 use super::sheet::Sheet;
 use foxglove::messages::{
@@ -26,7 +26,7 @@ pub(crate) struct Places {
     odometry: Odometry,
     world_ns: Option<u64>,
     path: Option<PosesInFrame>,
-    path_ns: u64,
+    path_ns: Option<u64>,
 }
 
 fn transform(stamp: Option<Timestamp>, frames: [&str; 2], at: [f64; 3], turn: Quaternion) -> FrameTransform {
@@ -44,11 +44,6 @@ fn field<T: bytemuck::AnyBitPattern>(frame: &[u8], offset: usize) -> T {
     bytemuck::pod_read_unaligned(&frame[offset..offset + size_of::<T>()])
 }
 
-/// Whether `after_ns` lies at least `every_ns` behind `before_ns`, or before it, as where time was set back.
-fn is_due(before_ns: u64, after_ns: u64, every_ns: u64) -> bool {
-    after_ns < before_ns || after_ns - before_ns >= every_ns
-}
-
 impl Places {
     pub(crate) fn take(&mut self, seen: &Seen, time: &FileTime, sheet: &mut Sheet) {
         if let Some(odometry) = seen.read(ODOMETRY) {
@@ -56,18 +51,22 @@ impl Places {
         } else if let Some(truth) = seen.read(TRUTH) {
             self.truth(&truth, time, sheet);
         } else if let Some(path) = seen.read(PATH) {
-            self.path = Some(route(&path, time.stamp(seen.header.now_ns)));
-            self.path_ns = 0;
+            self.path = Some(route(&path));
+            self.path_ns = None;
+            self.route(seen.header.now_ns, time, sheet);
         } else if let Some(scan) = seen.read(SCAN) {
             beams(&scan, time, sheet);
         } else if seen.row.index == DEPTH.index {
             camera(seen.message, time, sheet);
-        } else if seen.row.index == COMMAND.index
-            && let Some(path) = &mut self.path
-            && is_due(self.path_ns, seen.header.now_ns, PATH_EVERY_NS)
-        {
-            self.path_ns = seen.header.now_ns;
-            path.timestamp = time.stamp(self.path_ns);
+        } else if seen.row.index == COMMAND.index {
+            self.route(seen.header.now_ns, time, sheet);
+        }
+    }
+
+    fn route(&mut self, now_ns: u64, time: &FileTime, sheet: &mut Sheet) {
+        let Some(path) = &mut self.path else { return };
+        if is_due(&mut self.path_ns, now_ns, PATH_EVERY_NS) {
+            path.timestamp = time.stamp(now_ns);
             sheet.put(ROUTE, path);
         }
     }
@@ -92,11 +91,9 @@ impl Places {
         let fits = self.odometry.stamp_ns.abs_diff(truth.stamp_ns) <= MOMENT_NS
             && self.odometry.pose.is_finite()
             && truth.pose.is_finite();
-        if !fits || self.world_ns.is_some_and(|before_ns| !is_due(before_ns, truth.stamp_ns, WORLD_EVERY_NS))
-        {
+        if !fits || !is_due(&mut self.world_ns, truth.stamp_ns, WORLD_EVERY_NS) {
             return;
         }
-        self.world_ns = Some(truth.stamp_ns);
         let origin = truth.pose.compose(&self.odometry.pose.relative(&Pose2::ORIGIN));
         let place = [origin.x_m, origin.y_m, 0.0];
         let world = transform(time.stamp(truth.stamp_ns), [WORLD, ODOM], place, yaw(origin.yaw_rad));
@@ -105,7 +102,7 @@ impl Places {
 }
 
 /// The points of a path, each facing the next.
-fn route(path: &Path, stamp: Option<Timestamp>) -> PosesInFrame {
+fn route(path: &Path) -> PosesInFrame {
     let points = &path.points[..(path.count as usize).min(path.points.len())];
     let poses = points.iter().enumerate().map(|(index, point)| {
         let place = Pose2::new(f64::from(point.x_m), f64::from(point.y_m), 0.0);
@@ -116,7 +113,7 @@ fn route(path: &Path, stamp: Option<Timestamp>) -> PosesInFrame {
         };
         Pose { orientation: Some(facing(ahead.or_else(behind).unwrap_or([1.0, 0.0]))), ..pose(&place, 0.0) }
     });
-    PosesInFrame { timestamp: stamp, frame_id: ODOM.into(), poses: poses.collect() }
+    PosesInFrame { timestamp: None, frame_id: ODOM.into(), poses: poses.collect() }
 }
 
 /// The turn about z from the x axis to a direction: half-angle formulas, without an arc tangent.

@@ -1,7 +1,7 @@
 //! What policy and expert would do, and the goal they do it for.
 
 use super::channels::{CANDIDATES, EXPERT_PLAN, GOAL, POLICY_PLAN};
-use super::file_time::FileTime;
+use super::file_time::{FileTime, is_due};
 use super::shapes::{BASE, EXPERT, FAINT, LINE_M, POLICY, arrows, entity, line, point, pose, scene};
 use super::sheet::Sheet;
 use super::{Fan, Seen};
@@ -60,10 +60,9 @@ impl Plans {
     fn candidates(&mut self, goal: &LocalGoal, time: &FileTime, sheet: &mut Sheet) {
         let Some(fan) = &self.fan else { return };
         let capture_ns = goal.capture_ns;
-        if self.fan_ns.is_some_and(|before| capture_ns >= before && capture_ns - before < FAN_EVERY_NS) {
+        if !is_due(&mut self.fan_ns, capture_ns, FAN_EVERY_NS) {
             return;
         }
-        self.fan_ns = Some(capture_ns);
         let mut curves = entity("candidates", BASE, time.stamp(capture_ns));
         curves.lifetime = lifetime();
         curves.lines = vec![bundle(&fan(goal))];

@@ -2,7 +2,7 @@
 
 use super::Seen;
 use super::channels::{ROBOT, TRUE_WORLD};
-use super::file_time::FileTime;
+use super::file_time::{FileTime, is_due};
 use super::shapes::{
     ALARM, BASE, COMMANDED, LINE_M, OUTLINE, PERSON, WISHED, WORLD, arrows, entity, line, point, pose, scene,
     vector,
@@ -27,15 +27,6 @@ pub(crate) struct Scenes {
     footprint_m: Vec<[f32; 2]>,
     robot_ns: Option<u64>,
     world_ns: Option<u64>,
-}
-
-/// Whether a picture is due, which is remembered.
-fn is_due(before_ns: &mut Option<u64>, now_ns: u64, every_ns: u64) -> bool {
-    let due = before_ns.is_none_or(|before_ns| now_ns < before_ns || now_ns - before_ns >= every_ns);
-    if due {
-        *before_ns = Some(now_ns);
-    }
-    due
 }
 
 impl Scenes {
