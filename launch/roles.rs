@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use sidestep_bus::{Boot, DomainName, NodeError, environment, sweep};
+use sidestep_msgs::Limits;
 use sidestep_recorder::Fan;
 use std::sync::Arc;
 
@@ -19,20 +20,21 @@ const ROLES: &[(&str, Role)] = &[
     ("policy", sidestep_policy::run),
     ("expert", sidestep_expert::run),
     ("arbiter", sidestep_arbiter::run),
-    ("recorder", |boot| sidestep_recorder::run(boot, Some(fan(boot)?))),
+    ("recorder", record),
 ];
 
-/// What the expert of this run weighs, for views: nodes do not know each other.
-///
-/// # Errors
-/// [`NodeError::File`] or [`NodeError::Configuration`] of the robot.
-pub(crate) fn fan(boot: &Boot) -> Result<Fan, NodeError> {
-    let limits = boot.robot()?.limits;
+/// What an expert of so many candidates (by default as shipped) weighs, for views: nodes do not know each other.
+pub(crate) fn fan_of(limits: Limits, candidates: Option<usize>) -> Fan {
+    let candidates = candidates.unwrap_or(sidestep_expert::Config::STANDARD.candidates);
+    Arc::new(move |goal| sidestep_expert::fan(&limits, candidates, FAN_CURVES, goal.twist))
+}
+
+/// The recorder shows what the expert of its graph weighs.
+fn record(boot: &Boot) -> Result<(), NodeError> {
     let expert = Boot { node: "expert".into(), ..boot.clone() };
-    let shipped = sidestep_expert::Config::STANDARD;
-    let candidates =
-        expert.config().map_or(shipped.candidates, |config: sidestep_expert::Config| config.candidates);
-    Ok(Arc::new(move |goal| sidestep_expert::fan(&limits, candidates, FAN_CURVES, goal.twist)))
+    let config: Option<sidestep_expert::Config> = expert.config().ok();
+    let fan = fan_of(boot.robot()?.limits, config.map(|config| config.candidates));
+    sidestep_recorder::run(boot, Some(fan))
 }
 
 /// Runs a node until it is asked to stop.

@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// A run on the screen of a viewer.
+mod live;

@@ -25,7 +25,8 @@ pub(crate) use file_time::FileTime;
 
 use crate::depth;
 use figures::Figures;
-use foxglove::Encode;
+use foxglove::messages::RawImage;
+use foxglove::{Encode, Schema};
 use places::Places;
 use plans::Plans;
 use scenes::Scenes;
@@ -67,6 +68,12 @@ pub struct View {
     scenes: Scenes,
     figures: Figures,
     words: Words,
+}
+
+/// Schema of the images of depth, which stand on the channel of that topic's name.
+#[must_use]
+pub fn depth_image_schema() -> Schema {
+    channels::known::<RawImage>()
 }
 
 /// One record, taken apart.

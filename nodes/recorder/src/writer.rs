@@ -2,9 +2,7 @@
 
 use crate::error::RecordError;
 use crate::layout::layout_text;
-use crate::view::{VIEW_CHANNELS, View, ViewChannel, ViewSettings};
-use foxglove::messages::RawImage;
-use foxglove::{Encode, Schema};
+use crate::view::{VIEW_CHANNELS, View, ViewChannel, ViewSettings, depth_image_schema};
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek};
 use sidestep_msgs::{
@@ -267,9 +265,9 @@ fn origin_record(origin: &Origin) -> Metadata {
 }
 
 fn add_image_channel<W: Write>(mcap: &mut mcap::Writer<NoSeek<W>>) -> Result<u16, mcap::McapError> {
-    let schema = RawImage::get_schema().unwrap_or_else(|| Schema::new("", "", Vec::new()));
+    let schema = depth_image_schema();
     let schema = mcap.add_schema(&schema.name, &schema.encoding, &schema.data)?;
-    mcap.add_channel(schema, DEPTH.row().name, &RawImage::get_message_encoding(), &BTreeMap::new())
+    mcap.add_channel(schema, DEPTH.row().name, "protobuf", &BTreeMap::new())
 }
 
 fn add_view_channels<W: Write>(mcap: &mut mcap::Writer<NoSeek<W>>) -> Result<Vec<u16>, mcap::McapError> {

@@ -30,7 +30,8 @@ impl ViewChannel {
     }
 }
 
-fn known<M: Encode>() -> Schema {
+/// The schema of a well-known message.
+pub(crate) fn known<M: Encode>() -> Schema {
     // Every message of the crate has a schema; one without would show as bytes.
     M::get_schema().unwrap_or_else(|| Schema::new("", "", Vec::new()))
 }
