@@ -31,7 +31,8 @@ pub(crate) fn fan_of(limits: Limits, candidates: Option<usize>) -> Fan {
 
 /// The recorder shows what the expert of its graph weighs.
 fn record(boot: &Boot) -> Result<(), NodeError> {
-    let expert = Boot { node: "expert".into(), ..boot.clone() };
+    let mut expert = boot.clone();
+    expert.node = "expert".into();
     let config: Option<sidestep_expert::Config> = expert.config().ok();
     let fan = fan_of(boot.robot()?.limits, config.map(|config| config.candidates));
     sidestep_recorder::run(boot, Some(fan))
