@@ -4,6 +4,7 @@ mod child;
 mod failure;
 mod interface;
 mod learning;
+mod live;
 mod look;
 mod manifest;
 mod monitor;
@@ -153,6 +154,8 @@ enum Commands {
         #[arg(long, value_parser = duration, default_value = "500ms")]
         every: Duration,
     },
+    /// Shows the newest run in Foxglove or Lichtblick, over a WebSocket.
+    Live(live::LiveArguments),
     /// Drives by hand while the command runs; the wish passes the same filter as any other.
     Teleop {
         /// `[m/s]` forward speed.
@@ -296,6 +299,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         }
         Commands::Topic { command } => topic(command),
         Commands::Top { time, every } => look::top(time, every),
+        Commands::Live(arguments) => live::live(&arguments),
         Commands::Teleop { v, w, time } => operator::teleop(v, w, time),
         Commands::Estop => said(EstopAction::Stop),
         Commands::Reset => said(EstopAction::Reset),

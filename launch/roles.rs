@@ -2,6 +2,12 @@
 
 use crate::failure::Failure;
 use sidestep_bus::{Boot, DomainName, NodeError, environment, sweep};
+use sidestep_msgs::Limits;
+use sidestep_recorder::Fan;
+use std::sync::Arc;
+
+/// Candidates of the expert that a view shows.
+const FAN_CURVES: usize = 150;
 
 type Role = fn(&Boot) -> Result<(), NodeError>;
 
@@ -14,8 +20,23 @@ const ROLES: &[(&str, Role)] = &[
     ("policy", sidestep_policy::run),
     ("expert", sidestep_expert::run),
     ("arbiter", sidestep_arbiter::run),
-    ("recorder", sidestep_recorder::run),
+    ("recorder", record),
 ];
+
+/// What an expert of so many candidates (by default as shipped) weighs, for views: nodes do not know each other.
+pub(crate) fn fan_of(limits: Limits, candidates: Option<usize>) -> Fan {
+    let candidates = candidates.unwrap_or(sidestep_expert::Config::STANDARD.candidates);
+    Arc::new(move |goal| sidestep_expert::fan(&limits, candidates, FAN_CURVES, goal.twist))
+}
+
+/// The recorder shows what the expert of its graph weighs.
+fn record(boot: &Boot) -> Result<(), NodeError> {
+    let mut expert = boot.clone();
+    expert.node = "expert".into();
+    let config: Option<sidestep_expert::Config> = expert.config().ok();
+    let fan = fan_of(boot.robot()?.limits, config.map(|config| config.candidates));
+    sidestep_recorder::run(boot, Some(fan))
+}
 
 /// Runs a node until it is asked to stop.
 ///

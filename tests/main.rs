@@ -45,3 +45,5 @@ mod recordings;
 
 // A recorded drive again, byte for byte.
 mod replay;
+// A run on the screen of a viewer.
+mod live;

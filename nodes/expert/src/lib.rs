@@ -10,6 +10,7 @@
 mod candidates;
 mod config;
 mod expert;
+mod fan;
 mod node;
 mod pairing;
 mod planner;
@@ -24,6 +25,7 @@ mod tests;
 pub use candidates::{PIECE_STEPS, PIECES};
 pub use config::{Config, ConfigError, Lead, Weights};
 pub use expert::Expert;
+pub use fan::fan;
 pub use node::run;
 pub use pairing::{Frame, Pairing};
 pub use planner::{Mode, Plan, Planner};

@@ -56,6 +56,20 @@ impl Plan {
     }
 }
 
+/// The poses of a robot that approaches the targets of all pieces from a velocity, changing it by at most `step` per 0.1 s.
+pub(crate) fn follow(pieces: &Pieces, from: Twist, step: Twist) -> [Pose2; HORIZON_STEPS] {
+    let mut twist = from;
+    let mut pose = Pose2::ORIGIN;
+    let mut targets = (0..PIECES).flat_map(|piece| std::iter::repeat_n(pieces[piece], PIECE_STEPS[piece]));
+    std::array::from_fn(|_| {
+        let target = targets.next().unwrap_or(pieces[PIECES - 1]);
+        twist.v_m_s += (target.v_m_s - twist.v_m_s).clamp(-step.v_m_s, step.v_m_s);
+        twist.w_rad_s += (target.w_rad_s - twist.w_rad_s).clamp(-step.w_rad_s, step.w_rad_s);
+        pose = pose.advance(&twist, f64::from(STEP_S));
+        pose
+    })
+}
+
 /// The optimiser with its memory; one per thread.
 #[derive(Debug, Clone)]
 pub struct Planner {
@@ -125,18 +139,7 @@ impl Planner {
     /// The poses of a plan in `base`, one per 0.1 s, the first at 0.1 s.
     #[must_use]
     pub fn trajectory(&self, plan: &Plan) -> [Pose2; HORIZON_STEPS] {
-        let mut twist = self.problem.turned(self.problem.from);
-        let mut pose = Pose2::ORIGIN;
-        let mut targets =
-            (0..PIECES).flat_map(|piece| std::iter::repeat_n(plan.pieces[piece], PIECE_STEPS[piece]));
-        let step = self.problem.step;
-        std::array::from_fn(|_| {
-            let target = targets.next().unwrap_or(plan.pieces[PIECES - 1]);
-            twist.v_m_s += (target.v_m_s - twist.v_m_s).clamp(-step.v_m_s, step.v_m_s);
-            twist.w_rad_s += (target.w_rad_s - twist.w_rad_s).clamp(-step.w_rad_s, step.w_rad_s);
-            pose = pose.advance(&twist, f64::from(STEP_S));
-            pose
-        })
+        follow(&plan.pieces, self.problem.turned(self.problem.from), self.problem.step)
     }
 
     fn here(&self) -> f32 {

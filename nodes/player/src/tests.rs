@@ -60,6 +60,7 @@ fn origin() -> Origin {
         metadata: vec![("version".into(), "test".into())],
         attachments: vec![("robot.toml".into(), b"name = \"loomo\"".to_vec())],
         flush_period_ns: 1_000_000_000,
+        ..Origin::default()
     }
 }
 

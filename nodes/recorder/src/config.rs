@@ -17,6 +17,8 @@ pub struct Config {
     pub queue_large: usize,
     /// Further files that each recording takes within, such as a model that is not the embedded one.
     pub attach: Vec<PathBuf>,
+    /// Whether recordings carry channels for Foxglove and Lichtblick beside the raw messages.
+    pub view: bool,
 }
 
 impl Config {
@@ -62,6 +64,7 @@ mod tests {
             queue_small: 1024,
             queue_large: 24,
             attach: Vec::new(),
+            view: true,
         };
         assert_eq!(good.check(), Ok(()));
         for bad in [

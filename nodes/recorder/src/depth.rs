@@ -4,7 +4,8 @@
 //! message, whatever its bytes: an image holds either the used pixels (the rest of the array is zero, as the message
 //! promises) or, for a frame that breaks that promise, the whole array.
 
-use foxglove::messages::{RawImage, Timestamp};
+use crate::view::FileTime;
+use foxglove::messages::RawImage;
 use sidestep_msgs::{DEPTH_REST_BYTES, DepthFrame};
 use std::mem::offset_of;
 
@@ -27,14 +28,13 @@ fn stored_size(frame: &[u8]) -> (usize, usize) {
 }
 
 /// The image of a depth frame, given as the bytes of a [`DepthFrame`].
-pub(crate) fn image(frame: &[u8]) -> RawImage {
+pub(crate) fn image(frame: &[u8], time: &FileTime) -> RawImage {
     let (width, height) = stored_size(frame);
     let mut stamp = [0; 8];
     stamp.copy_from_slice(&frame[..8]);
     let capture_ns = u64::from_le_bytes(stamp);
-    let seconds = u32::try_from(capture_ns / 1_000_000_000).unwrap_or(u32::MAX);
     RawImage {
-        timestamp: Timestamp::new_checked(seconds, (capture_ns % 1_000_000_000) as u32),
+        timestamp: time.stamp(capture_ns),
         frame_id: "camera".into(),
         width: width as u32,
         height: height as u32,

@@ -12,6 +12,7 @@ mod layout;
 mod name;
 mod node;
 mod queue;
+mod view;
 mod writer;
 
 pub use config::Config;
@@ -21,4 +22,5 @@ pub use layout::layout_text;
 pub use name::{file_name, kernel_class};
 pub use node::run;
 pub use queue::{Finish, Queue, QueueRoom, Report};
+pub use view::{Fan, VIEW_CHANNELS, View, ViewChannel, ViewSettings, depth_image_schema};
 pub use writer::{Origin, Writer};

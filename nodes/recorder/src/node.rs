@@ -1,6 +1,8 @@
 //! Empties the inbox of every topic into the queue to the disk, until asked to stop.
 
-use crate::{Config, Origin, Queue, QueueRoom, RecordError, Writer, file_name, kernel_class};
+use crate::{
+    Config, Fan, Origin, Queue, QueueRoom, RecordError, ViewSettings, Writer, file_name, kernel_class,
+};
 use sidestep_bus::{Boot, Inbox, Keep, Link, NodeError, Step, host_ns, wall_ns};
 use sidestep_msgs::{COMMAND, Message, Topic, TopicVisitor, visit_topics};
 
@@ -43,7 +45,7 @@ fn lost(error: &RecordError) -> NodeError {
 }
 
 /// What the recording says of the run, with the files of the run within.
-fn origin(boot: &Boot, config: &Config) -> Result<Origin, NodeError> {
+fn origin(boot: &Boot, config: &Config, fan: Option<Fan>) -> Result<Origin, NodeError> {
     let mut attachments = boot.files()?;
     for path in &config.attach {
         let bytes = std::fs::read(path).map_err(|source| NodeError::File {
@@ -66,18 +68,19 @@ fn origin(boot: &Boot, config: &Config) -> Result<Origin, NodeError> {
         metadata: metadata.map(|(key, value): (&str, String)| (key.into(), value)).into(),
         attachments,
         flush_period_ns: config.flush_period_ns(),
+        view: ViewSettings { shown: config.view, footprint_m: boot.robot()?.footprint.polygon_m, fan },
     })
 }
 
-/// Records every topic of the run that this process belongs to.
+/// Records every topic of the run that this process belongs to; `fan` shows what the expert weighs.
 ///
 /// # Errors
 /// [`NodeError::Lost`] where the recording could not begin or ended early; the drive never waits for it.
-pub fn run(boot: &Boot) -> Result<(), NodeError> {
+pub fn run(boot: &Boot, fan: Option<Fan>) -> Result<(), NodeError> {
     let config: Config = boot.config()?;
     config.check().map_err(NodeError::Configuration)?;
     let path = config.folder.join(file_name(wall_ns()));
-    let writer = Writer::create(&path, &origin(boot, &config)?).map_err(|error| lost(&error))?;
+    let writer = Writer::create(&path, &origin(boot, &config, fan)?).map_err(|error| lost(&error))?;
     let word = boot.domain.root.join("recording");
     let _ = std::fs::write(word, writer.path().display().to_string());
     let room = QueueRoom { small: config.queue_small, large: config.queue_large };

@@ -1,10 +1,8 @@
 //! Messages into MCAP: the one place that knows the writing half of the file format.
 
-use crate::depth;
 use crate::error::RecordError;
 use crate::layout::layout_text;
-use foxglove::Encode;
-use foxglove::messages::RawImage;
+use crate::view::{VIEW_CHANNELS, View, ViewChannel, ViewSettings, depth_image_schema};
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek};
 use sidestep_msgs::{
@@ -30,6 +28,8 @@ pub struct Origin {
     pub attachments: Vec<(String, Vec<u8>)>,
     /// `[ns]` a chunk is closed and handed to the system at least this often: what a kill can lose.
     pub flush_period_ns: u64,
+    /// What the recording shows to viewers beside the raw messages.
+    pub view: ViewSettings,
 }
 
 /// Writes messages into an MCAP stream.
@@ -41,6 +41,8 @@ pub struct Writer<W: Write> {
     name: String,
     channels: Vec<u16>,
     image_channel: u16,
+    view: View,
+    view_channels: Vec<u16>,
     mono_to_wall_ns: i64,
     flush_period_ns: u64,
     flushed_ns: Option<u64>,
@@ -112,12 +114,15 @@ impl<W: Write> Writer<W> {
         visit_topics(&mut channels)?;
         let channels = channels.ids;
         let image_channel = add_image_channel(&mut mcap)?;
+        let view_channels = if origin.view.shown { add_view_channels(&mut mcap)? } else { Vec::new() };
         mcap.flush()?;
         Ok(Self {
             mcap,
             name: name.into(),
             channels,
             image_channel,
+            view: View::new(&origin.view, origin.mono_to_wall_ns),
+            view_channels,
             mono_to_wall_ns: origin.mono_to_wall_ns,
             flush_period_ns: origin.flush_period_ns,
             flushed_ns: None,
@@ -165,7 +170,9 @@ impl<W: Write> Writer<W> {
             log_time: received_ns.saturating_add_signed(self.mono_to_wall_ns),
             publish_time: header.now_ns,
         };
-        self.append(row, record, stamps).map_err(|error| RecordError::write(&self.name, &error))?;
+        self.append(row, record, stamps)
+            .and_then(|()| self.show(row, record, stamps, received_ns))
+            .map_err(|error| RecordError::write(&self.name, &error))?;
         self.written += 1;
         let since_ns = received_ns.saturating_sub(*self.flushed_ns.get_or_insert(received_ns));
         if since_ns >= self.flush_period_ns {
@@ -185,12 +192,26 @@ impl<W: Write> Writer<W> {
             return self.mcap.write_to_known_channel(&stamps, record);
         }
         let (rest, frame) = (size_of::<Header>() + DEPTH_REST_BYTES, &record[size_of::<Header>()..]);
-        let mut image = Vec::with_capacity(frame.len() + 64);
-        // A vector grows as needed, so encoding into it cannot fail.
-        let _ = depth::image(frame).encode(&mut image);
+        let image = self.view.image(frame);
         self.mcap
             .write_to_known_channel(&MessageHeader { channel_id: self.image_channel, ..stamps }, &image)?;
         self.mcap.write_to_known_channel(&stamps, &record[..rest])
+    }
+
+    /// Appends what the record shows on the view channels.
+    fn show(
+        &mut self,
+        row: &TopicRow,
+        record: &[u8],
+        stamps: MessageHeader,
+        received_ns: u64,
+    ) -> Result<(), mcap::McapError> {
+        for (channel, message) in self.view.show(row, record, received_ns) {
+            // Without view channels a view shows nothing.
+            let Some(&channel_id) = self.view_channels.get(channel.index) else { continue };
+            self.mcap.write_to_known_channel(&MessageHeader { channel_id, ..stamps }, message)?;
+        }
+        Ok(())
     }
 
     /// Closes the chunk in work and hands everything to the stream.
@@ -244,10 +265,16 @@ fn origin_record(origin: &Origin) -> Metadata {
 }
 
 fn add_image_channel<W: Write>(mcap: &mut mcap::Writer<NoSeek<W>>) -> Result<u16, mcap::McapError> {
-    let (name, encoding, data) = RawImage::get_schema()
-        .map_or((String::new(), String::new(), Vec::new()), |schema| {
-            (schema.name, schema.encoding, schema.data.into_owned())
-        });
-    let schema = mcap.add_schema(&name, &encoding, &data)?;
-    mcap.add_channel(schema, DEPTH.row().name, &RawImage::get_message_encoding(), &BTreeMap::new())
+    let schema = depth_image_schema();
+    let schema = mcap.add_schema(&schema.name, &schema.encoding, &schema.data)?;
+    mcap.add_channel(schema, DEPTH.row().name, "protobuf", &BTreeMap::new())
+}
+
+fn add_view_channels<W: Write>(mcap: &mut mcap::Writer<NoSeek<W>>) -> Result<Vec<u16>, mcap::McapError> {
+    let add = |channel: &ViewChannel| {
+        let schema = channel.schema();
+        let schema = mcap.add_schema(&schema.name, &schema.encoding, &schema.data)?;
+        mcap.add_channel(schema, channel.name, channel.encoding(), &BTreeMap::new())
+    };
+    VIEW_CHANNELS.iter().map(add).collect()
 }
