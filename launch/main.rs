@@ -10,6 +10,7 @@ mod monitor;
 mod notify;
 mod operator;
 mod output;
+mod record;
 mod recordings;
 mod report;
 mod roles;
@@ -93,6 +94,10 @@ enum Commands {
         #[command(flatten)]
         flags: RunFlags,
     },
+    /// Records the newest run beside whatever else runs, until Ctrl-C or its end.
+    Record(record::RecordArguments),
+    /// Keeps the last seconds: the recorder writes its black box into a file of its own.
+    Snapshot,
     /// Says what a recording holds.
     Info {
         /// An .mcap or .mcap.active file.
@@ -277,6 +282,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
             let graph = run_options(Some("play".to_owned()), flags);
             run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
         }
+        Commands::Record(arguments) => record::record(arguments),
+        Commands::Snapshot => record::snapshot(),
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
         Commands::Import(arguments) => recordings::import(arguments),
         Commands::Latency { file, json, trace, gate_latency } => {

@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// The recorder in the field: killed, split, asked for the last seconds, beside another, before a full disk.
+mod recorder;
