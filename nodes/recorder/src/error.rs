@@ -35,7 +35,7 @@ pub enum RecordError {
         /// `[MB]` wanted free.
         needed_mb: u64,
     },
-    /// Messages are missing, because the disk or the machine was too slow.
+    /// Messages are missing.
     #[error(
         "recording {path}: is complete but for messages that were lost: {detail}; needed: none; raise recorder.queue_large and queue_small, exclude topics, or take a faster disk"
     )]

@@ -262,7 +262,7 @@ impl Sink for Files {
         let ended = self.end_current(&lost.now()).and_then(|()| self.join());
         let kept = self.black_box.take().map_or(Ok(()), BlackBox::end);
         ended.and(kept)?;
-        Ok(Report { path: self.path, written: self.written, lost: lost.now() })
+        Ok(lost.report(self.path, self.written))
     }
 }
 

@@ -112,5 +112,8 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     // What was sent while this node was asked to stop.
     taps.drain(&mut Step::new(), &mut queue)?;
     let report = queue.stop().map_err(|error| lost(&error))?;
+    if let Some(missing) = report.missing() {
+        eprintln!("the recording misses messages: {missing}");
+    }
     report.check().map_err(|error| lost(&error))
 }

@@ -43,42 +43,68 @@ pub struct Report {
     pub written: u64,
     /// Messages that are missing, by topic of the table.
     pub lost: Vec<u64>,
+    /// Those of them that the disk was too slow for.
+    pub dropped: Vec<u64>,
+}
+
+fn named(counts: &[u64]) -> Option<String> {
+    let some = TOPICS.iter().zip(counts).filter(|(_, count)| **count > 0);
+    let texts: Vec<_> = some.map(|(row, count)| format!("{} {count}", row.name)).collect();
+    (!texts.is_empty()).then(|| texts.join(", "))
 }
 
 impl Report {
-    /// Nothing where nothing was lost.
+    /// Topics and counts of what is missing, where anything is.
+    #[must_use]
+    pub fn missing(&self) -> Option<String> {
+        named(&self.lost)
+    }
+
+    /// Nothing where the disk was fast enough.
     ///
     /// # Errors
     /// [`RecordError::Lost`] with topics and counts.
     pub fn check(&self) -> Result<(), RecordError> {
-        let missing = TOPICS.iter().zip(&self.lost).filter(|(_, count)| **count > 0);
-        let detail: Vec<_> = missing.map(|(row, count)| format!("{} {count}", row.name)).collect();
-        if detail.is_empty() {
-            return Ok(());
-        }
-        Err(RecordError::Lost { path: self.path.clone(), detail: detail.join(", ") })
+        let path = self.path.clone();
+        named(&self.dropped).map_or(Ok(()), |detail| Err(RecordError::Lost { path, detail }))
     }
 }
 
 /// Messages that never reached the disk, by topic of the table.
 #[derive(Debug, Clone)]
-pub struct Lost(Arc<[AtomicU64]>);
+pub struct Lost {
+    all: Arc<[AtomicU64]>,
+    dropped: Arc<[AtomicU64]>,
+}
 
 impl Default for Lost {
     fn default() -> Self {
-        Self(TOPICS.iter().map(|_| AtomicU64::new(0)).collect())
+        let zeros = || TOPICS.iter().map(|_| AtomicU64::new(0)).collect();
+        Self { all: zeros(), dropped: zeros() }
     }
 }
 
+fn counts(lost: &[AtomicU64]) -> Vec<u64> {
+    lost.iter().map(|count| count.load(Ordering::Acquire)).collect()
+}
+
 impl Lost {
-    fn add(&self, topic: usize, count: u64) {
-        self.0[topic].fetch_add(count, Ordering::AcqRel);
+    /// `gap` messages were gone before they could be offered, `dropped` found no room.
+    fn add(&self, topic: usize, gap: u64, dropped: u64) {
+        self.all[topic].fetch_add(gap + dropped, Ordering::AcqRel);
+        self.dropped[topic].fetch_add(dropped, Ordering::AcqRel);
     }
 
     /// The counts up to now.
     #[must_use]
     pub fn now(&self) -> Vec<u64> {
-        self.0.iter().map(|count| count.load(Ordering::Acquire)).collect()
+        counts(&self.all)
+    }
+
+    /// What becomes of a recording that ended in order.
+    #[must_use]
+    pub fn report(&self, path: PathBuf, written: u64) -> Report {
+        Report { path, written, lost: self.now(), dropped: counts(&self.dropped) }
     }
 }
 
@@ -198,7 +224,7 @@ impl Queue {
                 self.waiting.try_send(Waiting { topic: row.index, received_ns, bytes }).is_ok()
             });
         let gap = self.gap(row, header);
-        self.lost.add(row.index, gap + u64::from(!taken));
+        self.lost.add(row.index, gap, u64::from(!taken));
         taken
     }
 
@@ -283,7 +309,7 @@ mod tests {
         fn end(self, lost: &Lost) -> Result<Report, RecordError> {
             let written = self.written();
             self.finish(&lost.now())?;
-            Ok(Report { path: "disk".into(), written, lost: lost.now() })
+            Ok(lost.report("disk".into(), written))
         }
     }
 
@@ -326,8 +352,9 @@ mod tests {
             queue.offer(row, &header, &vec![0; row.size], 1);
         }
         assert_eq!(queue.lost()[row.index], 2);
-        let text = queue.stop().unwrap().check().unwrap_err().to_string();
-        assert!(text.contains("command 2") && text.contains("disk"), "{text}");
+        let report = queue.stop().unwrap();
+        assert!(report.check().is_ok(), "the disk was fast enough");
+        assert_eq!(report.missing().as_deref(), Some("command 2"));
     }
 
     #[test]
@@ -344,6 +371,10 @@ mod tests {
         assert!((8..=9).contains(&taken), "{taken} taken");
         drop(held);
         assert_eq!(queue.lost()[row.index], offered - taken as u64);
-        assert_eq!(queue.stop().unwrap().written, taken as u64);
+        let report = queue.stop().unwrap();
+        assert_eq!(report.written, taken as u64);
+        let text = report.check().unwrap_err().to_string();
+        assert!(text.contains(&format!("command {}", offered - taken as u64)), "{text}");
+        assert!(text.contains("disk") && text.contains("queue_small"), "{text}");
     }
 }

@@ -1,7 +1,7 @@
 //! A second recorder beside a run that lives: a tool of which no node knows.
 
 use super::{lost, origin, start, taps::Taps};
-use crate::{Config, Report};
+use crate::{Config, RecordError, Report};
 use sidestep_bus::{DomainName, Link, NodeError, Step, host_ns, live_domains};
 use sidestep_msgs::COMMAND;
 use std::path::Path;
@@ -53,6 +53,9 @@ pub fn record_beside(
     let ended = ended.and_then(|()| taps.drain(&mut Step::new(), &mut queue));
     let report = queue.stop().map_err(|error| lost(&error))?;
     ended.or_else(|error| if lives() { Err(error) } else { Ok(()) })?;
-    report.check().map_err(|error| lost(&error))?;
-    Ok(report)
+    let path = report.path.clone();
+    match report.missing() {
+        Some(detail) => Err(lost(&RecordError::Lost { path, detail })),
+        None => Ok(report),
+    }
 }
