@@ -105,7 +105,7 @@ pub(crate) fn snapshot() -> Result<(), Failure> {
         None => return Err(Failure::io("this run has no recorder, needed: one; name a graph that has it")),
         Some(0) => {
             return Err(Failure::io(
-                "the black box is off; start the run with --set recorder.black_box_mb=64",
+                "the black box is off; start the run with --set recorder.black_box_mb=256",
             ));
         }
         Some(_) => {}

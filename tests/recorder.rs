@@ -206,7 +206,7 @@ fn a_snapshot_without_a_black_box_is_refused_with_the_remedy() {
     let domain = running.wait_for("its domain", |running| running.domain("arbiter"));
     let said = say(&domain, &["snapshot"]);
     assert_eq!(said.code, 3, "{}{}", said.out, said.err);
-    assert!(said.err.contains("black box is off") && said.err.contains("black_box_mb=64"), "{}", said.err);
+    assert!(said.err.contains("black box is off") && said.err.contains("black_box_mb=256"), "{}", said.err);
     running.signal(libc::SIGTERM);
     running.finish();
 }

@@ -74,18 +74,19 @@ impl Chunk {
 
 /// Takes the chunks out of what a stream wrote; the writer ends no call in the middle of a record.
 pub(crate) fn take_chunks(written: &mut Vec<u8>) -> Vec<Chunk> {
-    let mut chunks: Vec<Vec<u8>> = Vec::new();
-    let mut indexed = false;
+    let mut places: Vec<std::ops::Range<usize>> = Vec::new();
+    let mut place = 0;
     for frame in frames(written) {
-        match frame.opcode {
-            opcode::CHUNK => chunks.push(frame.whole.to_vec()),
-            opcode::MESSAGE_INDEX if indexed => {
-                chunks.last_mut().into_iter().for_each(|chunk| chunk.extend_from_slice(frame.whole));
-            }
+        let end = place + frame.whole.len();
+        match (frame.opcode, places.last_mut()) {
+            (opcode::CHUNK, _) => places.push(place..end),
+            (opcode::MESSAGE_INDEX, Some(chunk)) if chunk.end == place => chunk.end = end,
             _ => {}
         }
-        indexed = matches!(frame.opcode, opcode::CHUNK | opcode::MESSAGE_INDEX);
+        place = end;
     }
+    // Each in memory of its own exact size, once.
+    let chunks = places.into_iter().map(|place| Chunk { bytes: written[place].into() }).collect();
     written.clear();
-    chunks.into_iter().map(|bytes| Chunk { bytes: bytes.into() }).collect()
+    chunks
 }

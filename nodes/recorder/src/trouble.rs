@@ -1,6 +1,9 @@
 //! When the black box is kept without being asked: the arbiter stops for a fault, or the robot touches something.
 
-use sidestep_msgs::{COMMAND, Code, Command, Header, Reason, SNAPSHOT, Snapshot, TRUTH, Truth};
+use sidestep_msgs::{
+    COMMAND, Code, Command, Header, Health, NodeState, Reason, SNAPSHOT, Snapshot, TOPICS, TRUTH, Truth,
+};
+use std::mem::offset_of;
 
 /// `[ns]` troubles closer together than this are one, and give one file.
 const CALM_NS: u64 = 10_000_000_000;
@@ -61,6 +64,21 @@ pub(crate) struct Watch {
     token: u64,
 }
 
+/// Whether the black box must see a topic, recorded or not.
+pub(crate) fn is_watched(topic: usize) -> bool {
+    [COMMAND.index, TRUTH.index, SNAPSHOT.index].contains(&topic) || is_heartbeat(topic)
+}
+
+fn is_heartbeat(topic: usize) -> bool {
+    TOPICS[topic].name.starts_with("health/")
+}
+
+/// Whether a heartbeat says that its node was asked to stop.
+fn is_stopping(record: &[u8]) -> bool {
+    let place = size_of::<Header>() + offset_of!(Health, state);
+    record[place..place + 4] == (NodeState::Stopping as u32).to_le_bytes()
+}
+
 fn message<M: bytemuck::AnyBitPattern>(record: &[u8]) -> M {
     bytemuck::pod_read_unaligned(&record[size_of::<Header>()..])
 }
@@ -79,6 +97,10 @@ impl Watch {
             let news = std::mem::replace(&mut self.token, token) != token;
             return news.then_some(Cause::Asked(token));
         } else {
+            if is_heartbeat(topic) && is_stopping(record) {
+                // The end of a run takes the arbiter's inputs away one by one.
+                self.trouble_ns = Some(received_ns);
+            }
             return None;
         };
         let Some(cause) = cause else {
@@ -129,6 +151,17 @@ mod tests {
         {
             assert_eq!(watch.see(COMMAND.index, &command(reason), SECOND_NS), None, "{reason:?}");
         }
+    }
+
+    #[test]
+    fn the_end_of_a_run_is_no_trouble() {
+        let mut watch = Watch::default();
+        assert_eq!(watch.see(COMMAND.index, &command(Reason::Clear), SECOND_NS), None);
+        let health = Health { state: NodeState::Stopping as u32, ..bytemuck::Zeroable::zeroed() };
+        let beat = [vec![0; size_of::<Header>()], bytemuck::bytes_of(&health).to_vec()].concat();
+        assert!(is_watched(sidestep_msgs::HEALTH_POLICY.index) && !is_watched(sidestep_msgs::DEPTH.index));
+        assert_eq!(watch.see(sidestep_msgs::HEALTH_POLICY.index, &beat, 2 * SECOND_NS), None);
+        assert_eq!(watch.see(COMMAND.index, &command(Reason::StaleProposals), 3 * SECOND_NS), None);
     }
 
     #[test]

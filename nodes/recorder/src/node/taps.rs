@@ -1,8 +1,9 @@
 //! An inbox per topic that is recorded or watched, emptied into the queue.
 
+use crate::trouble::is_watched;
 use crate::{Config, Filter, Queue};
 use sidestep_bus::{Inbox, Keep, Link, NodeError, Step, host_ns};
-use sidestep_msgs::{COMMAND, Message, SNAPSHOT, TRUTH, Topic, TopicVisitor, visit_topics};
+use sidestep_msgs::{Message, Topic, TopicVisitor, visit_topics};
 
 /// An inbox of any topic.
 trait Source {
@@ -32,8 +33,8 @@ pub(crate) struct Taps {
 struct Opener<'a> {
     link: &'a Link,
     filter: Filter,
-    /// Topics that tell the black box when to keep what it holds.
-    watched: &'static [usize],
+    /// Whether there is a black box, which must see what tells it when to keep what it holds.
+    watches: bool,
     sources: Vec<Box<dyn Source>>,
 }
 
@@ -41,7 +42,7 @@ impl TopicVisitor for Opener<'_> {
     type Error = NodeError;
 
     fn visit<M: Message>(&mut self, topic: Topic<M>) -> Result<(), NodeError> {
-        if self.filter.takes(topic.index) || self.watched.contains(&topic.index) {
+        if self.filter.takes(topic.index) || (self.watches && is_watched(topic.index)) {
             let inbox = self.link.inbox(topic, Keep::All)?;
             self.sources.push(Box::new(Tap { topic, inbox }));
         }
@@ -51,10 +52,9 @@ impl TopicVisitor for Opener<'_> {
 
 impl Taps {
     pub(crate) fn open(link: &Link, config: &Config) -> Result<Self, NodeError> {
-        const CAUSES: &[usize] = &[COMMAND.index, TRUTH.index, SNAPSHOT.index];
         let filter = config.filter().map_err(NodeError::Configuration)?;
-        let watched = if config.black_box_mb > 0 { CAUSES } else { &[] };
-        let mut opener = Opener { link, filter, watched, sources: Vec::new() };
+        let watches = config.black_box_mb > 0;
+        let mut opener = Opener { link, filter, watches, sources: Vec::new() };
         visit_topics(&mut opener)?;
         Ok(Self { sources: opener.sources, told: false })
     }
