@@ -159,8 +159,9 @@ fn set_priority(process: libc::pid_t, priority: u8) -> bool {
     unsafe { libc::sched_setscheduler(process, libc::SCHED_FIFO, &raw const parameter) == 0 }
 }
 
+/// Lets others go first; process 0 is this one.
 #[allow(unsafe_code, reason = "std offers no nice value")]
-fn give_way(process: libc::pid_t, nice: u8) {
+pub(crate) fn give_way(process: libc::pid_t, nice: u8) {
     // SAFETY: setpriority has no memory preconditions; giving way is permitted to everybody.
     unsafe {
         libc::setpriority(libc::PRIO_PROCESS, process as libc::id_t, i32::from(nice.min(19)));

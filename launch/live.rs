@@ -38,11 +38,9 @@ mod served {
     use crate::failure::Failure;
     use crate::look::{join, runs};
     use crate::output::line;
-    use crate::roles::fan_of;
-    use sidestep_bus::{DomainName, host_ns, live_domains};
+    use crate::roles::view_of;
+    use sidestep_bus::{host_ns, live_domains};
     use sidestep_live::{LiveError, Options, serve};
-    use sidestep_msgs::Robot;
-    use sidestep_recorder::ViewSettings;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -63,7 +61,7 @@ mod served {
         let run = runs()?.remove(0);
         let link = join(&run, "live")?;
         let (address, port) = (arguments.address.clone(), arguments.port);
-        let options = Options { address, port, image_hz, view: settings(&run)? };
+        let options = Options { address, port, image_hz, view: view_of(&run)? };
         let asked = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, asked.clone())
@@ -87,25 +85,5 @@ mod served {
             LiveError::Run(error) => error.into(),
             LiveError::Serve { .. } => Failure::io(error.to_string()),
         })
-    }
-
-    /// Robot and candidates of a run, from the files that its launcher keeps beside it.
-    fn settings(run: &DomainName) -> Result<ViewSettings, Failure> {
-        let read = |name: &str| {
-            let path = run.root.join(name);
-            let text = std::fs::read_to_string(&path);
-            text.map_err(|error| Failure::io(format!("{}: {error}; has the run just ended?", path.display())))
-        };
-        let robot = Robot::from_toml("robot.toml", &read("robot.toml")?);
-        let robot = robot.map_err(|error| Failure::io(error.to_string()))?;
-        let graph: toml::Table = read("graph.toml")?.parse().unwrap_or_default();
-        let expert = ["nodes", "expert", "config", "candidates"];
-        let candidates = expert
-            .iter()
-            .try_fold(&toml::Value::Table(graph), |value, key| value.get(key))
-            .and_then(toml::Value::as_integer)
-            .and_then(|count| usize::try_from(count).ok());
-        let fan = fan_of(robot.limits, candidates);
-        Ok(ViewSettings { shown: true, footprint_m: robot.footprint.polygon_m, fan: Some(fan) })
     }
 }

@@ -11,6 +11,7 @@ mod monitor;
 mod notify;
 mod operator;
 mod output;
+mod record;
 mod recordings;
 mod replay;
 mod report;
@@ -97,6 +98,10 @@ enum Commands {
     },
     /// Runs the nodes of a recording again and compares every byte.
     Replay(replay::ReplayArguments),
+    /// Records the newest run beside whatever else runs, until Ctrl-C or its end.
+    Record(record::RecordArguments),
+    /// Keeps the last seconds: the recorder writes its black box into a file of its own.
+    Snapshot,
     /// Says what a recording holds.
     Info {
         /// An .mcap or .mcap.active file.
@@ -284,6 +289,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
             run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
         }
         Commands::Replay(arguments) => replay::run(&arguments),
+        Commands::Record(arguments) => record::record(arguments),
+        Commands::Snapshot => record::snapshot(),
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
         Commands::Import(arguments) => recordings::import(arguments),
         Commands::Latency { file, json, trace, gate_latency } => {

@@ -1,9 +1,9 @@
 //! What this program becomes when the launcher starts it again as a node.
 
 use crate::failure::Failure;
-use sidestep_bus::{Boot, DomainName, NodeError, environment, sweep};
-use sidestep_msgs::Limits;
-use sidestep_recorder::Fan;
+use sidestep_bus::{Boot, DomainName, GraphFile, NodeError, environment, sweep};
+use sidestep_msgs::{Limits, Robot};
+use sidestep_recorder::{Fan, ViewSettings};
 use std::sync::Arc;
 
 /// Candidates of the expert that a view shows.
@@ -24,9 +24,27 @@ const ROLES: &[(&str, Role)] = &[
 ];
 
 /// What an expert of so many candidates (by default as shipped) weighs, for views: nodes do not know each other.
-pub(crate) fn fan_of(limits: Limits, candidates: Option<usize>) -> Fan {
+fn fan_of(limits: Limits, candidates: Option<usize>) -> Fan {
     let candidates = candidates.unwrap_or(sidestep_expert::Config::STANDARD.candidates);
     Arc::new(move |goal| sidestep_expert::fan(&limits, candidates, FAN_CURVES, goal.twist))
+}
+
+/// Robot and candidates of a live run, from the files that its launcher keeps beside it.
+///
+/// # Errors
+/// Exit code 3 where the run has just ended.
+pub(crate) fn view_of(run: &DomainName) -> Result<ViewSettings, Failure> {
+    let read = |name: &str| {
+        let path = run.root.join(name);
+        let text = std::fs::read_to_string(&path);
+        text.map_err(|error| Failure::io(format!("{}: {error}; has the run just ended?", path.display())))
+    };
+    let robot = Robot::from_toml("robot.toml", &read("robot.toml")?);
+    let robot = robot.map_err(|error| Failure::io(error.to_string()))?;
+    let expert = GraphFile::parse("graph.toml", &read("graph.toml")?)?.config("expert");
+    let candidates = expert.ok().map(|config: sidestep_expert::Config| config.candidates);
+    let fan = fan_of(robot.limits, candidates);
+    Ok(ViewSettings { shown: true, footprint_m: robot.footprint.polygon_m, fan: Some(fan) })
 }
 
 /// The recorder shows what the expert of its graph weighs.

@@ -47,3 +47,5 @@ mod recordings;
 mod replay;
 // A run on the screen of a viewer.
 mod live;
+// The recorder in the field: killed, split, asked for the last seconds, beside another, before a full disk.
+mod recorder;

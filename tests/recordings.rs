@@ -28,10 +28,10 @@ fn real_depth_drives_the_graph_and_every_command_says_open_loop() {
 }
 
 /// A disk of 6 MB in memory, as far as this user may make one.
-struct SmallDisk(Folder);
+pub(crate) struct SmallDisk(pub(crate) Folder);
 
 impl SmallDisk {
-    fn mount() -> Option<Self> {
+    pub(crate) fn mount() -> Option<Self> {
         let folder = Folder::new("disk");
         let status = std::process::Command::new("mount")
             .args(["-t", "tmpfs", "-o", "size=6m", "tmpfs"])
@@ -58,7 +58,11 @@ fn a_full_disk_ends_the_recording_with_a_message_and_the_drive_goes_on() {
     let folder = disk.0.0.display().to_string();
     let (outcome, summary) = run_with_summary(
         "full",
-        &["run", "sim", "--for", "8s", "--record", &folder, "--set", "supervision.start_ms=60000"],
+        &[
+            &["run", "sim", "--for", "8s", "--record", &folder, "--set", "supervision.start_ms=60000"][..],
+            &["--set", "recorder.free_mb_least=0"],
+        ]
+        .concat(),
     );
     assert_eq!(outcome.code, 3, "{}{}", outcome.out, outcome.err);
     assert!(outcome.err.contains("the recording ended early, the drive goes on"), "{}", outcome.err);

@@ -23,6 +23,28 @@ pub enum RecordError {
         /// What the system said.
         detail: String,
     },
+    /// The disk has less room left than the recording leaves to others.
+    #[error(
+        "recording {path}: ended in order before the disk is full: {found_mb} MB free, needed: {needed_mb} MB; free space, or lower recorder.free_mb_least"
+    )]
+    Space {
+        /// The file, which is complete, or the one that was not begun.
+        path: PathBuf,
+        /// `[MB]` free.
+        found_mb: u64,
+        /// `[MB]` wanted free.
+        needed_mb: u64,
+    },
+    /// Messages are missing.
+    #[error(
+        "recording {path}: is complete but for messages that were lost: {detail}; needed: none; raise recorder.queue_large and queue_small, exclude topics, or take a faster disk"
+    )]
+    Lost {
+        /// The last file.
+        path: PathBuf,
+        /// Topics and counts.
+        detail: String,
+    },
     /// The finished file could not get its name.
     #[error("recording {path}: is complete but could not be renamed from {active}: {source}")]
     Rename {

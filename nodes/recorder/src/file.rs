@@ -2,19 +2,53 @@
 
 use crate::error::RecordError;
 use crate::writer::{Origin, Writer};
+use crossbeam::channel::{Sender, bounded};
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// Names tried before giving up: `NAME.mcap`, `NAME-2.mcap`, ...
 const NAMES_TRIED: u32 = 1000;
-/// Flushes between two requests that the disk really has the bytes, which guards against a loss of power.
+/// Flushes between two wishes that the disk really has the bytes, which guards against a loss of power.
 const FLUSHES_PER_SYNC: u32 = 5;
 
-/// A file that reaches the system at each flush and the disk at every fifth.
+/// Sees to it that the disk has what the system has, in a thread of its own: a busy disk may take seconds, and what waits
+/// for the writer meanwhile would be lost with a kill.
+#[derive(Debug)]
+struct Syncer {
+    ask: Sender<()>,
+    failed: Arc<OnceLock<std::io::Error>>,
+}
+
+impl Syncer {
+    fn start(file: File) -> std::io::Result<Self> {
+        let (ask, asked) = bounded(1);
+        let failed = Arc::new(OnceLock::new());
+        let said = Arc::clone(&failed);
+        let sync = move || {
+            while asked.recv().is_ok() {
+                if let Err(error) = file.sync_data() {
+                    let _ = said.set(error);
+                }
+            }
+        };
+        std::thread::Builder::new().name("recorder-sync".into()).spawn(sync)?;
+        Ok(Self { ask, failed })
+    }
+
+    /// Asks once more; where the disk is still busy with an earlier wish, that one comes first.
+    fn ask(&self) -> std::io::Result<()> {
+        let _ = self.ask.try_send(());
+        self.failed.get().map_or(Ok(()), |error| Err(std::io::Error::new(error.kind(), error.to_string())))
+    }
+}
+
+/// A file that reaches the system at each flush and the disk at about every fifth.
 #[derive(Debug)]
 pub struct DiskFile {
     file: BufWriter<File>,
+    syncer: Syncer,
     active: PathBuf,
     path: PathBuf,
     flushes: u32,
@@ -28,7 +62,7 @@ impl Write for DiskFile {
     fn flush(&mut self) -> std::io::Result<()> {
         self.file.flush()?;
         self.flushes += 1;
-        if self.flushes.is_multiple_of(FLUSHES_PER_SYNC) { self.file.get_ref().sync_data() } else { Ok(()) }
+        if self.flushes.is_multiple_of(FLUSHES_PER_SYNC) { self.syncer.ask() } else { Ok(()) }
     }
 }
 
@@ -58,7 +92,11 @@ impl DiskFile {
                 continue;
             }
             match OpenOptions::new().write(true).create_new(true).open(&active) {
-                Ok(file) => return Ok(Self { file: BufWriter::new(file), active, path, flushes: 0 }),
+                Ok(file) => {
+                    let syncer = file.try_clone().and_then(Syncer::start);
+                    let syncer = syncer.map_err(|source| fault(&active, source))?;
+                    return Ok(Self { file: BufWriter::new(file), syncer, active, path, flushes: 0 });
+                }
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
                 Err(source) => return Err(fault(&path, source)),
             }
@@ -66,8 +104,18 @@ impl DiskFile {
         Err(fault(path, std::io::ErrorKind::AlreadyExists.into()))
     }
 
+    /// The name that the file has while it grows.
+    pub(crate) fn active(&self) -> &Path {
+        &self.active
+    }
+
+    /// The name that the file will have when it is complete.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Gives the complete file its name.
-    fn complete(mut self) -> Result<PathBuf, RecordError> {
+    pub(crate) fn complete(mut self) -> Result<PathBuf, RecordError> {
         let name = self.path.display().to_string();
         let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
         synced.map_err(|error| RecordError::write(&name, &error.into()))?;

@@ -1,13 +1,12 @@
 //! The name of a recording, and the class of its machine.
 
-/// `drive-YYYYMMDD-HHMMSS.mcap` for a wall time, in UTC.
-#[must_use]
-pub fn file_name(wall_ns: u64) -> String {
+/// `YYYYMMDD-HHMMSS` for a wall time, in UTC.
+pub(crate) fn date_time(wall_ns: u64) -> String {
     let seconds = wall_ns / 1_000_000_000;
     let (day, second) = (seconds / 86_400, seconds % 86_400);
     let (year, month, day) = civil(day);
     let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
-    format!("drive-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}.mcap")
+    format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
 }
 
 /// Year, month and day of a day counted from 1970-01-01 (H. Hinnant, days from civil, for years from 1970 on).
@@ -39,12 +38,12 @@ mod tests {
     #[test]
     fn names_follow_the_calendar() {
         for (seconds, name) in [
-            (0, "drive-19700101-000000.mcap"),
-            (951_782_400, "drive-20000229-000000.mcap"),
-            (1_782_907_199, "drive-20260701-115959.mcap"),
-            (4_107_542_399, "drive-21000228-235959.mcap"),
+            (0, "19700101-000000"),
+            (951_782_400, "20000229-000000"),
+            (1_782_907_199, "20260701-115959"),
+            (4_107_542_399, "21000228-235959"),
         ] {
-            assert_eq!(file_name(seconds * 1_000_000_000), name);
+            assert_eq!(date_time(seconds * 1_000_000_000), name);
         }
     }
 }

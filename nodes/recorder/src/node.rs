@@ -1,52 +1,33 @@
-//! Empties the inbox of every topic into the queue to the disk, until asked to stop.
+//! Empties the inbox of every topic into the queue to the disk, until asked to stop, and says what it has begun and kept.
+
+mod beside;
+mod taps;
+
+pub use beside::record_beside;
 
 use crate::{
-    Config, Fan, Origin, Queue, QueueRoom, RecordError, ViewSettings, Writer, file_name, kernel_class,
+    Config, Fan, Files, Origin, Progress, Queue, QueueRoom, RecordError, ViewSettings, kernel_class,
 };
-use sidestep_bus::{Boot, Inbox, Keep, Link, NodeError, Step, host_ns, wall_ns};
-use sidestep_msgs::{COMMAND, Message, Topic, TopicVisitor, visit_topics};
+use sidestep_bus::{Boot, Link, NodeError, Outbox, Step, host_ns, wall_ns};
+use sidestep_msgs::{COMMAND, RECORDING, Recording};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use taps::Taps;
 
-/// An inbox of any topic.
-trait Source {
-    fn drain(&mut self, step: &mut Step, queue: &mut Queue) -> Result<(), NodeError>;
-}
-
-struct Tap<M: Message> {
-    topic: Topic<M>,
-    inbox: Inbox<M>,
-}
-
-impl<M: Message> Source for Tap<M> {
-    fn drain(&mut self, step: &mut Step, queue: &mut Queue) -> Result<(), NodeError> {
-        self.inbox.each(step, |message, header| {
-            queue.offer(self.topic.row(), header, bytemuck::bytes_of(message), host_ns());
-        })
-    }
-}
-
-/// Opens an inbox per topic.
-struct Taps<'a> {
-    link: &'a Link,
-    sources: Vec<Box<dyn Source>>,
-}
-
-impl TopicVisitor for Taps<'_> {
-    type Error = NodeError;
-
-    fn visit<M: Message>(&mut self, topic: Topic<M>) -> Result<(), NodeError> {
-        let inbox = self.link.inbox(topic, Keep::All)?;
-        self.sources.push(Box::new(Tap { topic, inbox }));
-        Ok(())
-    }
-}
+/// `[s]` the black box speaks of its growth in steps of this size: each word makes other nodes say their state.
+const HELD_STEP_S: f32 = 10.0;
 
 fn lost(error: &RecordError) -> NodeError {
     NodeError::Lost(error.to_string())
 }
 
-/// What the recording says of the run, with the files of the run within.
-fn origin(boot: &Boot, config: &Config, fan: Option<Fan>) -> Result<Origin, NodeError> {
-    let mut attachments = boot.files()?;
+/// What a recording says of the run, with the files of the run and those that the settings name within.
+fn origin(
+    config: &Config,
+    (run, incarnation): (u64, u32),
+    mut attachments: Vec<(String, Vec<u8>)>,
+    view: ViewSettings,
+) -> Result<Origin, NodeError> {
     for path in &config.attach {
         let bytes = std::fs::read(path).map_err(|source| NodeError::File {
             path: path.display().to_string(),
@@ -58,8 +39,8 @@ fn origin(boot: &Boot, config: &Config, fan: Option<Fan>) -> Result<Origin, Node
     }
     let metadata = [
         ("version", env!("CARGO_PKG_VERSION").into()),
-        ("run", boot.run.to_string()),
-        ("incarnation", boot.incarnation.to_string()),
+        ("run", run.to_string()),
+        ("incarnation", incarnation.to_string()),
         ("kernel_class", kernel_class().into()),
         ("machine", std::env::consts::ARCH.into()),
     ];
@@ -68,41 +49,75 @@ fn origin(boot: &Boot, config: &Config, fan: Option<Fan>) -> Result<Origin, Node
         metadata: metadata.map(|(key, value): (&str, String)| (key.into(), value)).into(),
         attachments,
         flush_period_ns: config.flush_period_ns(),
-        view: ViewSettings { shown: config.view, footprint_m: boot.robot()?.footprint.polygon_m, fan },
+        view,
     })
 }
 
-/// Records every topic of the run that this process belongs to; `fan` shows what the expert weighs.
+/// Says on `recording` what has changed.
+struct Voice {
+    outbox: Outbox<Recording>,
+    progress: Arc<Progress>,
+    said: Recording,
+    /// The file in the run's folder that names the newest snapshot.
+    word: PathBuf,
+}
+
+impl Voice {
+    fn tell(&mut self, step: &mut Step) -> Result<(), NodeError> {
+        let (snapshots, snapshot_token, path) = self.progress.snapshots();
+        let held_s = self.progress.held_s();
+        let now = Recording { files: self.progress.files(), snapshots, snapshot_token, held_s, _pad: 0 };
+        let grown = !step.is_lockstep() && (held_s - self.said.held_s).abs() >= HELD_STEP_S;
+        if !grown && now == (Recording { held_s, ..self.said }) {
+            return Ok(());
+        }
+        if let Some(path) = path.filter(|_| snapshots != self.said.snapshots) {
+            let _ = std::fs::write(&self.word, path.display().to_string());
+            eprintln!("snapshot: {}", path.display());
+        }
+        self.said = now;
+        self.outbox.send(step, |recording| *recording = now)
+    }
+}
+
+/// Starts the writer thread in a folder.
+fn start(config: &Config, origin: Origin) -> Result<(Queue, Arc<Progress>, PathBuf), NodeError> {
+    let filter = config.filter().map_err(NodeError::Configuration)?;
+    let files = Files::begin(config, filter, origin, wall_ns()).map_err(|error| lost(&error))?;
+    let (progress, path) = (files.progress(), files.path().to_path_buf());
+    let room = QueueRoom { small: config.queue_small, large: config.queue_large };
+    Ok((Queue::start(files, room).map_err(|error| lost(&error))?, progress, path))
+}
+
+/// Records the run that this process belongs to; `fan` shows what the expert weighs.
 ///
 /// # Errors
-/// [`NodeError::Lost`] where the recording could not begin or ended early; the drive never waits for it.
+/// [`NodeError::Lost`] where the recording could not begin, ended early or misses messages; the drive never waits for it.
 pub fn run(boot: &Boot, fan: Option<Fan>) -> Result<(), NodeError> {
     let config: Config = boot.config()?;
     config.check().map_err(NodeError::Configuration)?;
-    let path = config.folder.join(file_name(wall_ns()));
-    let writer = Writer::create(&path, &origin(boot, &config, fan)?).map_err(|error| lost(&error))?;
-    let word = boot.domain.root.join("recording");
-    let _ = std::fs::write(word, writer.path().display().to_string());
-    let room = QueueRoom { small: config.queue_small, large: config.queue_large };
-    let mut queue = Queue::start(writer, room).map_err(|error| lost(&error))?;
-
+    let view = ViewSettings { shown: config.view, footprint_m: boot.robot()?.footprint.polygon_m, fan };
+    let origin = origin(&config, (boot.run, boot.incarnation), boot.files()?, view)?;
+    let (mut queue, progress, path) = start(&config, origin)?;
+    if path != Path::new("") {
+        let _ = std::fs::write(boot.domain.root.join("recording"), path.display().to_string());
+    }
     let mut link = Link::open(boot)?;
-    let mut taps = Taps { link: &link, sources: Vec::new() };
-    visit_topics(&mut taps)?;
-    let mut sources = taps.sources;
+    let mut taps = Taps::open(&link, &config)?;
+    let outbox = link.outbox(RECORDING)?;
+    let said = Recording { files: 0, snapshots: 0, snapshot_token: 0, held_s: 0.0, _pad: 0 };
+    let mut voice = Voice { outbox, progress, said, word: boot.domain.root.join("snapshot") };
     // Not woken by the frame itself: whoever turns it into a command goes first, and the rings hold it meanwhile.
     link.wake_on(COMMAND)?;
-    let mut told = false;
     link.run(|step| {
-        sources.iter_mut().try_for_each(|source| source.drain(step, &mut queue))?;
-        if queue.has_failed() && !told {
-            told = true;
-            eprintln!("the recording ended early, the drive goes on; the reason follows at the end");
-        }
-        Ok(())
+        taps.drain(step, &mut queue)?;
+        voice.tell(step)
     })?;
     // What was sent while this node was asked to stop.
-    let mut last = Step::new();
-    sources.iter_mut().try_for_each(|source| source.drain(&mut last, &mut queue))?;
-    queue.stop().map(|_| ()).map_err(|error| lost(&error))
+    taps.drain(&mut Step::new(), &mut queue)?;
+    let report = queue.stop().map_err(|error| lost(&error))?;
+    if let Some(missing) = report.missing() {
+        eprintln!("the recording misses messages: {missing}");
+    }
+    report.check().map_err(|error| lost(&error))
 }

@@ -4,13 +4,11 @@
 //! taken at the start. When the writer falls too far behind, messages are counted as lost; nobody ever waits for it.
 
 use crate::error::RecordError;
-use crate::file::DiskFile;
-use crate::writer::Writer;
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use sidestep_msgs::{Header, TOPICS, TopicRow};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -39,25 +37,102 @@ struct Waiting {
 /// What a finished recording tells.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
-    /// The file.
+    /// The last file; empty where there was none.
     pub path: PathBuf,
     /// Messages written.
     pub written: u64,
+    /// Messages that are missing, by topic of the table.
+    pub lost: Vec<u64>,
+    /// Those of them that the disk was too slow for.
+    pub dropped: Vec<u64>,
 }
 
-/// Where a writer thread ends: a file that gets its name, or in tests a stream.
-pub trait Finish: Sized {
-    /// Ends the recording in order and says where it lies.
+fn named(counts: &[u64]) -> Option<String> {
+    let some = TOPICS.iter().zip(counts).filter(|(_, count)| **count > 0);
+    let texts: Vec<_> = some.map(|(row, count)| format!("{} {count}", row.name)).collect();
+    (!texts.is_empty()).then(|| texts.join(", "))
+}
+
+impl Report {
+    /// Topics and counts of what is missing, where anything is.
+    #[must_use]
+    pub fn missing(&self) -> Option<String> {
+        named(&self.lost)
+    }
+
+    /// Nothing where the disk was fast enough.
+    ///
+    /// # Errors
+    /// [`RecordError::Lost`] with topics and counts.
+    pub fn check(&self) -> Result<(), RecordError> {
+        let path = self.path.clone();
+        named(&self.dropped).map_or(Ok(()), |detail| Err(RecordError::Lost { path, detail }))
+    }
+}
+
+/// Messages that never reached the disk, by topic of the table.
+#[derive(Debug, Clone)]
+pub struct Lost {
+    all: Arc<[AtomicU64]>,
+    dropped: Arc<[AtomicU64]>,
+}
+
+impl Default for Lost {
+    fn default() -> Self {
+        let zeros = || TOPICS.iter().map(|_| AtomicU64::new(0)).collect();
+        Self { all: zeros(), dropped: zeros() }
+    }
+}
+
+fn counts(lost: &[AtomicU64]) -> Vec<u64> {
+    lost.iter().map(|count| count.load(Ordering::Acquire)).collect()
+}
+
+impl Lost {
+    /// `gap` messages were gone before they could be offered, `dropped` found no room.
+    fn add(&self, topic: usize, gap: u64, dropped: u64) {
+        self.all[topic].fetch_add(gap + dropped, Ordering::AcqRel);
+        self.dropped[topic].fetch_add(dropped, Ordering::AcqRel);
+    }
+
+    /// The counts up to now.
+    #[must_use]
+    pub fn now(&self) -> Vec<u64> {
+        counts(&self.all)
+    }
+
+    /// What becomes of a recording that ended in order.
+    #[must_use]
+    pub fn report(&self, path: PathBuf, written: u64) -> Report {
+        Report { path, written, lost: self.now(), dropped: counts(&self.dropped) }
+    }
+}
+
+/// What the writer thread works for: files, or in tests a stream.
+pub trait Sink: Send + 'static {
+    /// Writes a record (header and message), received at host time `received_ns`.
+    ///
+    /// # Errors
+    /// [`RecordError`]; the recording is over, and what can be read stays.
+    fn take(
+        &mut self,
+        row: &'static TopicRow,
+        record: &[u8],
+        received_ns: u64,
+        lost: &Lost,
+    ) -> Result<(), RecordError>;
+
+    /// Nothing came for a span of host time: what was taken goes to the system.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn idle(&mut self, span_ns: u64) -> Result<(), RecordError>;
+
+    /// Ends the recording in order and says what became of it.
     ///
     /// # Errors
     /// [`RecordError`].
-    fn end(self, lost: &[u64]) -> Result<PathBuf, RecordError>;
-}
-
-impl Finish for Writer<DiskFile> {
-    fn end(self, lost: &[u64]) -> Result<PathBuf, RecordError> {
-        self.complete(lost)
-    }
+    fn end(self, lost: &Lost) -> Result<Report, RecordError>;
 }
 
 type Free = (Sender<Vec<u8>>, Receiver<Vec<u8>>);
@@ -68,11 +143,12 @@ pub struct Queue {
     waiting: Sender<Waiting>,
     small: Free,
     large: Free,
-    /// By topic of the table; the writer thread puts it into the file at the end.
-    lost: Arc<[AtomicU64]>,
+    /// The writer thread puts it into each file at its end.
+    lost: Lost,
     /// Incarnation and sequence of the last message offered, by topic.
     last: Vec<Option<(u32, u64)>>,
-    broken: Arc<AtomicBool>,
+    /// Why the recording ended early.
+    failure: Arc<OnceLock<String>>,
     thread: JoinHandle<Result<Report, RecordError>>,
 }
 
@@ -85,32 +161,29 @@ fn pool(count: usize, bytes: usize) -> Free {
     (give, take)
 }
 
-fn counts(lost: &[AtomicU64]) -> Vec<u64> {
-    lost.iter().map(|count| count.load(Ordering::Acquire)).collect()
-}
-
 /// `[byte]` the largest record of the table.
 fn largest_record() -> usize {
     size_of::<Header>() + TOPICS.iter().map(|row| row.size).max().unwrap_or(0)
 }
 
 /// The writer thread: writes until the queue closes or a write fails, giving each buffer back.
-fn write_all<W: std::io::Write>(
-    writer: &mut Writer<W>,
+fn write_all(
+    sink: &mut impl Sink,
     waiting: &Receiver<Waiting>,
     small: &Sender<Vec<u8>>,
     large: &Sender<Vec<u8>>,
-) -> Result<u64, RecordError> {
+    lost: &Lost,
+) -> Result<(), RecordError> {
     loop {
         match waiting.recv_timeout(IDLE) {
             Ok(message) => {
-                writer.write_record(&TOPICS[message.topic], &message.bytes, message.received_ns)?;
+                sink.take(&TOPICS[message.topic], &message.bytes, message.received_ns, lost)?;
                 let home = if message.bytes.capacity() <= SMALL_BYTES { small } else { large };
                 // The pool has room for each buffer it gave.
                 let _ = home.try_send(message.bytes);
             }
-            Err(RecvTimeoutError::Timeout) => writer.flush()?,
-            Err(RecvTimeoutError::Disconnected) => return Ok(writer.written()),
+            Err(RecvTimeoutError::Timeout) => sink.idle(IDLE.as_nanos() as u64)?,
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
         }
     }
 }
@@ -120,27 +193,23 @@ impl Queue {
     ///
     /// # Errors
     /// [`RecordError::Thread`] when the system has no thread to give.
-    pub fn start<W>(mut writer: Writer<W>, room: QueueRoom) -> Result<Self, RecordError>
-    where
-        W: std::io::Write + Send + 'static,
-        Writer<W>: Finish,
-    {
+    pub fn start(mut sink: impl Sink, room: QueueRoom) -> Result<Self, RecordError> {
         let (waiting, taken) = bounded::<Waiting>(room.small + room.large);
         let (small, large) = (pool(room.small, SMALL_BYTES), pool(room.large, largest_record()));
         let (small_home, large_home) = (small.0.clone(), large.0.clone());
-        let broken = Arc::new(AtomicBool::new(false));
-        let lost: Arc<[AtomicU64]> = TOPICS.iter().map(|_| AtomicU64::new(0)).collect();
-        let (broken_by_thread, lost_in_all) = (Arc::clone(&broken), Arc::clone(&lost));
+        let (failure, lost) = (Arc::new(OnceLock::new()), Lost::default());
+        let (failure_said, lost_in_all) = (Arc::clone(&failure), lost.clone());
         let thread = std::thread::Builder::new().name("recorder-writer".into()).spawn(move || {
-            let outcome = write_all(&mut writer, &taken, &small_home, &large_home);
-            broken_by_thread.store(outcome.is_err(), Ordering::Release);
-            let written = outcome?;
-            let path = writer.end(&counts(&lost_in_all))?;
-            Ok(Report { path, written })
+            let outcome = write_all(&mut sink, &taken, &small_home, &large_home, &lost_in_all);
+            if let Err(error) = outcome {
+                let _ = failure_said.set(error.to_string());
+                return Err(error);
+            }
+            sink.end(&lost_in_all)
         });
         let thread = thread.map_err(|error| RecordError::Thread(error.to_string()))?;
         let last = vec![None; TOPICS.len()];
-        Ok(Self { waiting, small, large, lost, last, broken, thread })
+        Ok(Self { waiting, small, large, lost, last, failure, thread })
     }
 
     /// Takes a message for the disk; `false` where it is lost because too many wait or the recording has ended.
@@ -155,7 +224,7 @@ impl Queue {
                 self.waiting.try_send(Waiting { topic: row.index, received_ns, bytes }).is_ok()
             });
         let gap = self.gap(row, header);
-        self.lost[row.index].fetch_add(gap + u64::from(!taken), Ordering::Relaxed);
+        self.lost.add(row.index, gap, u64::from(!taken));
         taken
     }
 
@@ -169,13 +238,19 @@ impl Queue {
     /// Messages lost so far, by topic of the table.
     #[must_use]
     pub fn lost(&self) -> Vec<u64> {
-        counts(&self.lost)
+        self.lost.now()
     }
 
     /// Whether a write failed, so that all further messages are lost.
     #[must_use]
     pub fn has_failed(&self) -> bool {
-        self.broken.load(Ordering::Acquire)
+        self.failure.get().is_some()
+    }
+
+    /// Why the recording ended early, where it did.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.get().map(String::as_str)
     }
 
     /// Writes what waits, ends the recording in order and says what became of it.
@@ -191,7 +266,7 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::writer::Origin;
+    use crate::writer::{Origin, Writer};
     use sidestep_msgs::{DEPTH, ODOMETRY, topic_named};
     use std::io::Write;
     use std::sync::Mutex;
@@ -216,9 +291,25 @@ mod tests {
         }
     }
 
-    impl Finish for Writer<Disk> {
-        fn end(self, lost: &[u64]) -> Result<PathBuf, RecordError> {
-            self.finish(lost).map(|_| PathBuf::from("disk"))
+    impl Sink for Writer<Disk> {
+        fn take(
+            &mut self,
+            row: &'static TopicRow,
+            record: &[u8],
+            at_ns: u64,
+            _: &Lost,
+        ) -> Result<(), RecordError> {
+            self.write_record(row, record, at_ns)
+        }
+
+        fn idle(&mut self, _: u64) -> Result<(), RecordError> {
+            self.flush()
+        }
+
+        fn end(self, lost: &Lost) -> Result<Report, RecordError> {
+            let written = self.written();
+            self.finish(&lost.now())?;
+            Ok(lost.report("disk".into(), written))
         }
     }
 
@@ -261,7 +352,9 @@ mod tests {
             queue.offer(row, &header, &vec![0; row.size], 1);
         }
         assert_eq!(queue.lost()[row.index], 2);
-        assert!(queue.stop().is_ok());
+        let report = queue.stop().unwrap();
+        assert!(report.check().is_ok(), "the disk was fast enough");
+        assert_eq!(report.missing().as_deref(), Some("command 2"));
     }
 
     #[test]
@@ -278,6 +371,10 @@ mod tests {
         assert!((8..=9).contains(&taken), "{taken} taken");
         drop(held);
         assert_eq!(queue.lost()[row.index], offered - taken as u64);
-        assert_eq!(queue.stop().unwrap().written, taken as u64);
+        let report = queue.stop().unwrap();
+        assert_eq!(report.written, taken as u64);
+        let text = report.check().unwrap_err().to_string();
+        assert!(text.contains(&format!("command {}", offered - taken as u64)), "{text}");
+        assert!(text.contains("disk") && text.contains("queue_small"), "{text}");
     }
 }
