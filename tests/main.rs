@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// Drivers in other languages.
+mod driver;
