@@ -330,25 +330,59 @@ fn a_driver_in_python_brakes_by_itself_when_a_command_is_over() {
     assert_eq!(hall.end().0.code, 0);
 }
 
-#[test]
-fn a_killed_driver_is_started_again_and_drives_on() {
-    let Some(mut hall) = Hall::start("killed-driver", str::to_owned, &[]) else { return };
+/// The example with a base that knows its pose also after its driver was killed, as wheels with a controller of their own do.
+fn with_a_base_of_its_own(text: &str) -> String {
+    let pose = "hall.x_m, hall.y_m, hall.yaw_rad";
+    let keep =
+        format!("with open('next', 'w') as file: file.write(f'{{{pose}}}')\n    os.replace('next', 'pose')");
+    let read = format!("if os.path.exists('pose'): {pose} = eval(open('pose').read())");
+    text.replace("import math\n", "import math, os, sys\nos.chdir(sys.path[0])\n")
+        .replace(
+            "link, hall = sidestep.Link(), Hall()\n",
+            &format!("link, hall = sidestep.Link(), Hall()\n{read}\n"),
+        )
+        .replace("odometry.send(now_ns)\n", &format!("odometry.send(now_ns)\n    {keep}\n"))
+        .replace("pose_epoch = link.incarnation", "pose_epoch = 0")
+}
+
+/// Kills the driver of a driving robot; the arbiter stops it for want of odometry until the next incarnation speaks.
+fn kill(hall: &mut Hall) {
     let (process, _) = driver(&hall.running).unwrap();
     let killed_ns = host_ns();
     send_signal(process, libc::SIGKILL);
-    hall.until_odometry("a new life", |odometry, header| header.incarnation == 1 && odometry.pose_epoch == 1);
-    let mut stopped = None;
+    hall.until_odometry("a new life", |_, header| header.incarnation == 1);
+    let mut stopped = false;
     hall.commands
         .each(&mut Step::new(), |command, header| {
-            let standing = header.now_ns > killed_ns && command.reason == Reason::StaleOdometry as u32;
-            stopped = stopped.or(standing.then_some(header.now_ns));
+            stopped |= header.now_ns > killed_ns && command.reason == Reason::StaleOdometry as u32;
         })
         .unwrap();
-    assert!(stopped.is_some(), "without odometry the arbiter stops the robot");
-    hall.until_odometry("driving on", |odometry, _| odometry.twist.v_m_s > 0.3);
+    assert!(stopped, "without odometry the arbiter stops the robot");
+}
+
+#[test]
+fn a_killed_driver_is_started_again_and_drives_on_from_where_its_base_stands() {
+    let Some(mut hall) = Hall::start("killed-driver", with_a_base_of_its_own, &[]) else { return };
+    hall.until_odometry("a metre", |odometry, _| odometry.pose.x_m > 1.0);
+    kill(&mut hall);
+    let seen = hall.until_odometry("driving on", |odometry, _| odometry.twist.v_m_s > 0.3);
+    assert!(seen.iter().all(|odometry| odometry.pose.x_m > 1.0), "the pose was lost");
     let (outcome, summary) = hall.end();
     assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
     assert_eq!(summary["nodes"]["driver"]["restarts"], 1, "{summary:#}");
+}
+
+#[test]
+fn a_killed_driver_that_lost_its_pose_stands_on_floor_that_nobody_knows() {
+    let Some(mut hall) = Hall::start("lost-driver", str::to_owned, &[]) else { return };
+    kill(&mut hall);
+    let seen =
+        hall.until_odometry("the new epoch", |odometry, _| odometry.stamp_ns > 0 && odometry.pose_epoch == 1);
+    let begun_ns = seen.last().unwrap().stamp_ns;
+    let later =
+        hall.until_odometry("two seconds", |odometry, _| odometry.stamp_ns > begun_ns + 2_000_000_000);
+    assert!(later.iter().all(|odometry| odometry.pose.x_m.abs() < 0.01), "it drove over floor it never saw");
+    assert_eq!(hall.end().0.code, 0);
 }
 
 #[test]
