@@ -276,6 +276,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
                 names.join(", "),
                 graph.robot.name
             ));
+            // Checked perhaps far from the robot: worth a word, not a failure.
+            let _ = external::find_programs(&graph).map_err(|failure| output::note(failure.message));
             Ok(())
         }
         Commands::Play { file, rate, repeat, start_offset, flags } => {

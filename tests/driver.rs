@@ -214,9 +214,8 @@ fn a_driver_of_another_layout_is_refused() {
     let hash = format!("{:016x}", Odometry::LAYOUT_HASH);
     folder.write("sidestep.py", &module.replace(&hash, "0123456789abcdef"));
     let outcome = run(&[&["run", &graph], PATIENT].concat());
-    let says =
-        ["topic odometry: cannot open the service with layout 0123456789abcdef", "print this module again"];
-    refused(&outcome, 2, &says);
+    let found = format!("topic odometry: layout here is 0123456789abcdef, of the run {hash};");
+    refused(&outcome, 2, &[&found, "print this module again with `sidestep interface --python`"]);
     assert!(outcome.err.contains("driver was given up: exit 2"), "{}", outcome.err);
 }
 

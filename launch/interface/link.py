@@ -95,8 +95,15 @@ class Link:
         try:
             return builder.open_with_attributes(iox.AttributeVerifier.new().require(key, value))
         except iox.PublishSubscribeOpenError as error:
-            text = f"topic {topic}: cannot open the service with layout {row.layout}: {error}"
+            text = f"topic {topic}: layout here is {row.layout}, {self._layout_found(topic, key) or error}"
             raise Refused(2, f"{text}; print this module again with `sidestep interface --python`") from None
+
+    def _layout_found(self, topic, key):
+        try:
+            service = self._service(topic).publish_subscribe(TOPICS[topic].structure).user_header(Header).open()
+        except self.iox.PublishSubscribeOpenError:
+            return None  # not even size and name agree
+        return "of the run " + " ".join(value.to_string() for value in service.attributes.values(key))
 
     def _event(self, topic):
         return self._service(topic).event().open()
