@@ -1,7 +1,9 @@
 //! The one binary of sidestep: command line, launcher, and every node of the graph.
 
 mod child;
+mod external;
 mod failure;
+mod init;
 mod interface;
 mod learning;
 mod live;
@@ -72,6 +74,8 @@ enum Commands {
         #[command(flatten)]
         flags: RunFlags,
     },
+    /// Writes graph.toml and robot.toml for a new robot.
+    Init(init::InitArguments),
     /// Checks a graph file without starting anything.
     Check {
         /// Built-in graph or path.
@@ -272,6 +276,7 @@ fn topic(command: TopicCommands) -> Result<(), Failure> {
 fn execute(command: Commands) -> Result<(), Failure> {
     match command {
         Commands::Run { graph, flags } => run::run(&run_options(graph, flags)),
+        Commands::Init(arguments) => init::run(&arguments),
         Commands::Check { graph, settings } => {
             let graph = manifest::Graph::load(&graph, &settings)?;
             let names: Vec<_> = graph.nodes.iter().map(|node| node.name.as_str()).collect();
@@ -282,6 +287,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
                 names.join(", "),
                 graph.robot.name
             ));
+            // Checked perhaps far from the robot: worth a word, not a failure.
+            let _ = external::find_programs(&graph).map_err(|failure| output::note(failure.message));
             Ok(())
         }
         Commands::Play { file, rate, repeat, start_offset, flags } => {

@@ -1,8 +1,9 @@
 //! The graph file: which nodes run, with what configuration, budgets and restart policy.
 
+use crate::external::{External, beside};
 use crate::failure::Failure;
 use serde::Deserialize;
-use sidestep_msgs::Robot;
+use sidestep_msgs::{Robot, TopicRow};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -104,21 +105,6 @@ pub(crate) struct Entry<C> {
     config: C,
 }
 
-/// A node of another program that speaks the topics.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct External {
-    restart: Restart,
-    #[serde(default)]
-    cpus: Vec<usize>,
-    #[serde(default)]
-    priority: u8,
-    #[serde(default)]
-    nice: u8,
-    /// Program and arguments.
-    command: Vec<String>,
-}
-
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Nodes {
@@ -166,6 +152,15 @@ pub(crate) struct NodePlan {
     pub(crate) lock_memory: bool,
     /// Whether it moves graph time in lockstep: started again, time would begin anew.
     pub(crate) moves_time: bool,
+    /// Topics on which a program of its own shows that it is ready.
+    pub(crate) writes: Vec<&'static TopicRow>,
+}
+
+impl NodePlan {
+    /// Whether it stands where the robot's own drivers stand: it leaves after the robot stands.
+    pub(crate) fn is_driver(&self) -> bool {
+        DRIVERS.contains(&self.name.as_str()) || self.writes.iter().any(|row| row.writer == "driver")
+    }
 }
 
 /// Files of a run, by name.
@@ -275,7 +270,7 @@ impl Graph {
             text = with_settings(origin, &text, settings)?;
             file = Self::parse(&format!("{origin} with --set {}", settings.join(" --set ")), &text)?;
         }
-        let robot_text = read("robot", ROBOTS, &file.robot)?;
+        let robot_text = read("robot", ROBOTS, &beside(origin, &file.robot))?;
         let robot =
             Robot::from_toml(&file.robot, &robot_text).map_err(|error| Failure::usage(error.to_string()))?;
         let nodes = plans(&file, origin)?;
@@ -336,6 +331,7 @@ fn plan<C>(name: &str, entry: &Entry<C>) -> NodePlan {
         nice: entry.nice,
         lock_memory: entry.lock_memory,
         moves_time: false,
+        writes: Vec::new(),
     }
 }
 
@@ -387,21 +383,7 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
             let why = format!("graph {origin}: {name} stands both in [nodes] and in [external]; keep one");
             return Err(Failure::usage(why));
         }
-        if external.command.is_empty() {
-            return Err(Failure::usage(format!(
-                "graph {origin}: external.{name}.command is empty; give a program"
-            )));
-        }
-        plans.push(NodePlan {
-            name: name.clone(),
-            command: external.command.clone(),
-            restart: external.restart,
-            cpus: external.cpus.clone(),
-            priority: external.priority,
-            nice: external.nice,
-            lock_memory: false,
-            moves_time: false,
-        });
+        plans.push(external.plan(name, origin)?);
     }
     let drivers = plans.iter_mut().filter(|plan| DRIVERS.contains(&plan.name.as_str()));
     drivers.for_each(|plan| plan.moves_time = file.time == Time::Lockstep);

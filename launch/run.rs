@@ -86,6 +86,7 @@ fn run_number() -> u64 {
 /// Exit code 1 where what was asked did not hold, 2 for configuration, 3 where input or output failed or was lost.
 pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let graph = options.load()?;
+    crate::external::find_programs(&graph)?;
     let wishes = Wishes::listen()?;
     let mut supervisor = Supervisor::new(graph.clone(), run_number())?;
     let mut monitor = Monitor::new(supervisor.link(), &graph)?;

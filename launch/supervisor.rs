@@ -2,7 +2,7 @@
 
 use crate::child::{self, RunNames};
 use crate::failure::Failure;
-use crate::manifest::{DRIVERS, Graph, Time};
+use crate::manifest::{Graph, NodePlan, Time};
 use crate::watched::{Event, Phase, Watched};
 use sidestep_bus::{Domain, Link, Step, host_ns, pause};
 use std::process::Child;
@@ -140,16 +140,16 @@ impl Supervisor {
         let needed = |node: &&Watched| match node.plan.name.as_str() {
             "recorder" => false,
             "player" => node.exit_code != Some(0),
+            "driver" => node.plan.restart == Restart::Always && node.exit_code != Some(0),
             _ => node.plan.restart == Restart::Always,
         };
         self.nodes.iter().filter(needed).find(|node| node.phase == Phase::Ended)
     }
 
-    /// Whether a player has come to the end of its recording.
+    /// Whether a player, or a driver that is not to be started again, has come to the end of what it had.
     pub(crate) fn source_ended(&self) -> bool {
-        self.nodes
-            .iter()
-            .any(|node| node.plan.name == "player" && node.phase == Phase::Ended && node.exit_code == Some(0))
+        let ended = |node: &&Watched| node.phase == Phase::Ended && node.exit_code == Some(0);
+        self.nodes.iter().filter(ended).any(|node| ["player", "driver"].contains(&node.plan.name.as_str()))
     }
 
     /// Where the recorder writes, by its own word; a file that was not ended in order has kept its working name.
@@ -178,12 +178,12 @@ impl Supervisor {
         let mut events = Vec::new();
         for node in &mut self.nodes {
             events.extend(node.reap(&mut self.step, &self.graph.supervision, now_ns));
-            node.take_heartbeat(&mut self.step, now_ns)?;
+            node.take_sign(&mut self.step, now_ns)?;
             if late {
                 node.forgive(now_ns);
             }
             events.extend(node.kill_when_hung(&self.graph.supervision, now_ns));
-            events.extend(node.start_when_due(&self.names, now_ns));
+            events.extend(node.start_when_due(&self.names, &self.link, now_ns));
         }
         if now_ns >= self.usage_due_ns {
             self.usage_due_ns = now_ns + USAGE_NS;
@@ -293,10 +293,10 @@ impl Supervisor {
     pub(crate) fn stop(&mut self, wishes: &Wishes, heard: usize, mut at_rest: impl FnMut() -> bool) {
         if self.graph.time == Time::Lockstep {
             // Without its driver graph time stands, and so does the robot.
-            let drivers = self.names_of(|name| DRIVERS.contains(&name));
+            let drivers = self.names_of(NodePlan::is_driver);
             self.leave(&drivers, wishes, heard);
         }
-        let others: Vec<_> = self.names_of(|name| !STOP_ORDER.contains(&name));
+        let others = self.names_of(|plan| !plan.is_driver() && !STOP_ORDER.contains(&plan.name.as_str()));
         self.leave(&others, wishes, heard);
         let deadline_ns = host_ns() + 3_000_000_000;
         while self.graph.time == Time::Real
@@ -307,13 +307,19 @@ impl Supervisor {
             pause(LOOK_EVERY);
         }
         for name in STOP_ORDER {
-            self.leave(&[(*name).to_owned()], wishes, heard);
+            let named = self.names_of(|plan| plan.name == *name || *name == "driver" && plan.is_driver());
+            self.leave(&named, wishes, heard);
         }
         self.kill_all();
     }
 
-    fn names_of(&self, wanted: impl Fn(&str) -> bool) -> Vec<String> {
-        self.nodes.iter().map(|node| node.plan.name.clone()).filter(|name| wanted(name)).collect()
+    fn names_of(&self, wanted: impl Fn(&NodePlan) -> bool) -> Vec<String> {
+        self.nodes
+            .iter()
+            .map(|node| &node.plan)
+            .filter(|plan| wanted(plan))
+            .map(|plan| plan.name.clone())
+            .collect()
     }
 
     fn leave(&mut self, names: &[String], wishes: &Wishes, heard: usize) {
@@ -328,7 +334,7 @@ impl Supervisor {
             let now_ns = host_ns();
             let _ = self.link.look(&mut self.step);
             for node in self.nodes.iter_mut().filter(|node| names.contains(&node.plan.name)) {
-                let _ = node.take_heartbeat(&mut self.step, now_ns);
+                let _ = node.take_sign(&mut self.step, now_ns);
                 node.leave(&mut self.step);
             }
             pause(Duration::from_millis(1));

@@ -1,6 +1,7 @@
 //! One node under supervision: alive, hung, dead, swept, started again.
 
 use crate::child::{self, RunNames, Usage};
+use crate::external::FirstWord;
 use crate::manifest::{NodePlan, Restart, Supervision};
 use sidestep_bus::{Inbox, Keep, Link, NodeError, Step};
 use sidestep_msgs::{Health, NodeState, TOPICS_MAX, health_topic};
@@ -54,6 +55,10 @@ pub(crate) struct Watched {
     usage_past: Usage,
     sampled: Usage,
     heartbeat: Option<Inbox<Health>>,
+    /// Whether this incarnation beats; a program that never does is not blamed for its silence.
+    beats: bool,
+    /// For a program of its own, until it speaks.
+    first_word: Option<FirstWord>,
     since_ns: u64,
     beat_ns: u64,
     due_ns: u64,
@@ -80,6 +85,8 @@ impl Watched {
             usage_past: Usage::default(),
             sampled: Usage::default(),
             heartbeat,
+            beats: false,
+            first_word: None,
             since_ns: 0,
             beat_ns: 0,
             due_ns: 0,
@@ -89,13 +96,16 @@ impl Watched {
     }
 
     /// Starts it, if it waits and its pause is over.
-    pub(crate) fn start_when_due(&mut self, names: &RunNames, now_ns: u64) -> Option<Event> {
+    pub(crate) fn start_when_due(&mut self, names: &RunNames, link: &Link, now_ns: u64) -> Option<Event> {
         if self.phase != Phase::Waiting || now_ns < self.due_ns {
             return None;
         }
         if self.exit.is_some() {
             self.incarnation += 1;
         }
+        self.beats = false;
+        let is_external = !self.plan.command.is_empty();
+        self.first_word = is_external.then(|| FirstWord::listen(link, &self.plan.writes));
         match child::start(&self.plan, names, self.incarnation) {
             Ok(child) => {
                 self.child = Some(child);
@@ -112,45 +122,52 @@ impl Watched {
         }
     }
 
-    /// Takes note of a heartbeat; true when this one says that a starting node is ready.
+    /// Takes note of a heartbeat, or of the first message of a program without one; true when a starting node is ready.
     ///
     /// # Errors
     /// [`NodeError::Transport`].
-    pub(crate) fn take_heartbeat(&mut self, step: &mut Step, now_ns: u64) -> Result<bool, NodeError> {
-        let Some(inbox) = &mut self.heartbeat else {
-            // A program without a heartbeat of its own counts as ready once it runs.
-            let ready = self.phase == Phase::Starting;
-            if ready {
-                self.phase = Phase::Running;
-            }
-            return Ok(ready);
-        };
+    pub(crate) fn take_sign(&mut self, step: &mut Step, now_ns: u64) -> Result<bool, NodeError> {
+        let mut ready = self.take_heartbeat(step, now_ns)?;
+        if let Some(first_word) = &mut self.first_word {
+            ready |= first_word.is_spoken(step)?;
+        }
+        ready &= self.phase == Phase::Starting;
+        if ready {
+            self.phase = Phase::Running;
+            self.first_word = None;
+        }
+        Ok(ready)
+    }
+
+    /// Whether the newest heartbeat says that the node has started.
+    fn take_heartbeat(&mut self, step: &mut Step, now_ns: u64) -> Result<bool, NodeError> {
+        let Some(inbox) = &mut self.heartbeat else { return Ok(false) };
         let Some(message) = inbox.newest(step)? else { return Ok(false) };
         if self.child.is_none() || message.header().incarnation != self.incarnation {
             return Ok(false);
         }
         self.beat_ns = now_ns;
+        self.beats = true;
         self.health = Some(*message);
-        let ready = self.phase == Phase::Starting && message.state != NodeState::Starting as u32;
-        if ready {
-            self.phase = Phase::Running;
-        }
-        Ok(ready)
+        Ok(message.state != NodeState::Starting as u32)
     }
 
     /// Kills it if it gave no sign of life for too long.
     pub(crate) fn kill_when_hung(&mut self, limits: &Supervision, now_ns: u64) -> Option<Event> {
         let silent_ms = now_ns.saturating_sub(self.beat_ns) / 1_000_000;
         let what = match self.phase {
-            Phase::Running if self.heartbeat.is_some() && silent_ms > limits.hang_ms => "hung",
-            Phase::Starting if silent_ms > limits.start_ms => "not ready in time",
+            Phase::Running if self.beats && silent_ms > limits.hang_ms => "hung: no heartbeat",
+            Phase::Starting if silent_ms > limits.start_ms && self.first_word.is_some() => {
+                "not ready in time: neither a message nor a heartbeat"
+            }
+            Phase::Starting if silent_ms > limits.start_ms => "not ready in time: no heartbeat",
             _ => return None,
         };
         let child = self.child.as_ref()?;
         child::signal(child, libc::SIGKILL);
         // Counted from here on, so that one hang gives one event.
         self.beat_ns = now_ns;
-        Some(self.event(now_ns, format!("{what}: no heartbeat for {silent_ms} ms; killed")))
+        Some(self.event(now_ns, format!("{what} for {silent_ms} ms; killed")))
     }
 
     /// Forgives silence up to now: the supervisor itself was late.

@@ -142,7 +142,8 @@ impl Running {
         Self { child: Some(child), readers }
     }
 
-    fn launcher(&self) -> u32 {
+    /// Process number of the launcher.
+    pub(crate) fn launcher(&self) -> u32 {
         self.child.as_ref().unwrap().id()
     }
 

@@ -49,3 +49,5 @@ mod replay;
 mod live;
 // The recorder in the field: killed, split, asked for the last seconds, beside another, before a full disk.
 mod recorder;
+// Drivers in other languages.
+mod driver;
