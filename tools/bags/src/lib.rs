@@ -1,1 +1,25 @@
 //! ROS 2 bags in and out, without ROS.
+//!
+//! [`import_bag`] turns a bag (an MCAP file or a folder of them) into a recording, [`export_bag`] a recording into a
+//! bag. Messages are plain CDR; the few types that say what a robot saw and where it was are written down here.
+
+mod cdr;
+mod choice;
+mod error;
+mod gather;
+mod import;
+mod listing;
+mod messages;
+mod options;
+mod raster;
+mod rigid;
+mod rvl;
+mod survey;
+mod sweep;
+mod track;
+mod tree;
+
+pub use error::BagError;
+pub use import::import_bag;
+pub use listing::is_bag;
+pub use options::{BagOptions, BagSummary};
