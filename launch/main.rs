@@ -1,5 +1,6 @@
 //! The one binary of sidestep: command line, launcher, and every node of the graph.
 
+mod bags;
 mod child;
 mod failure;
 mod interface;
@@ -101,8 +102,10 @@ enum Commands {
         #[arg(long)]
         json: Option<PathBuf>,
     },
-    /// Turns a folder of depth images into a recording.
-    Import(recordings::ImportArguments),
+    /// Turns a folder of depth images or a ROS 2 bag into a recording.
+    Import(bags::ImportArguments),
+    /// Turns a recording into a ROS 2 bag.
+    Export(bags::ExportArguments),
     /// Latencies per stage of a recording.
     Latency {
         /// An .mcap or .mcap.active file.
@@ -278,7 +281,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
             run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
         }
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
-        Commands::Import(arguments) => recordings::import(arguments),
+        Commands::Import(arguments) => bags::import(arguments),
+        Commands::Export(arguments) => bags::export(&arguments),
         Commands::Latency { file, json, trace, gate_latency } => {
             recordings::latency(&file, json.as_deref(), trace.as_deref(), gate_latency)
         }

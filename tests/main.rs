@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// ROS 2 bags in and out.
+mod bags;

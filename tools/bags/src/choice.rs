@@ -63,16 +63,19 @@ pub(crate) fn choose(survey: &Survey, options: &BagOptions) -> Result<Choice, Ba
     if depth.is_none() && scan.is_none() {
         return Err(chooser.nothing());
     }
-    let odometry = chooser.one("--odometry-topic", options.odometry_topic.as_deref(), &[Kind::Odometry], |_| true)?;
+    let odometry =
+        chooser.one("--odometry-topic", options.odometry_topic.as_deref(), &[Kind::Odometry], |_| true)?;
     let first = depth.as_deref().or(scan.as_deref()).unwrap_or_default();
     let base = chooser.base(odometry.as_deref(), &survey.topics[first].frame);
     let poses = chooser.poses(odometry, &base)?;
     let intrinsics = depth.as_deref().map(|topic| chooser.intrinsics(topic)).transpose()?;
     let mut notes = Vec::new();
     if scan.is_none() {
-        notes.extend(survey.of_kind(Kind::LaserScan).map(|(name, _)| {
-            format!("{name} is left out beside depth; --scan-topic {name} takes it too")
-        }));
+        notes.extend(
+            survey.of_kind(Kind::LaserScan).map(|(name, _)| {
+                format!("{name} is left out beside depth; --scan-topic {name} takes it too")
+            }),
+        );
     }
     let sensor = |topic: Option<String>| topic.map(|topic| chooser.sensor(topic, &base, &poses)).transpose();
     let (depth, scan) = (sensor(depth)?, sensor(scan)?);
@@ -110,7 +113,8 @@ impl Chooser<'_> {
                 Ok(Some(name.to_owned()))
             }
             [(first, _), ..] => {
-                let names: Vec<_> = fitting.iter().map(|(name, seen)| format!("{name} ({})", seen.detail)).collect();
+                let names: Vec<_> =
+                    fitting.iter().map(|(name, seen)| format!("{name} ({})", seen.detail)).collect();
                 let found = format!("{} topics that may be meant: {}", names.len(), names.join(", "));
                 Err(BagError::choice(path, found, format!("choose one, such as {option} {first}")))
             }
@@ -141,11 +145,18 @@ impl Chooser<'_> {
         let (survey, path) = (self.survey, &self.survey.path);
         if survey.topics.values().any(|seen| seen.encoding == "sidestep.raw") {
             let needed = "a ROS 2 bag or a folder of depth images";
-            return BagError::content(path, "a recording of sidestep", needed, "play it: `sidestep play FILE`");
+            return BagError::content(
+                path,
+                "a recording of sidestep",
+                needed,
+                "play it: `sidestep play FILE`",
+            );
         }
-        let images: Vec<_> = survey.of_kind(Kind::Image).chain(survey.of_kind(Kind::CompressedImage)).collect();
+        let images: Vec<_> =
+            survey.of_kind(Kind::Image).chain(survey.of_kind(Kind::CompressedImage)).collect();
         if images.is_empty() {
-            let remedy = "record the camera's depth topic and camera_info, or a laser scan, with odometry and /tf";
+            let remedy =
+                "record the camera's depth topic and camera_info, or a laser scan, with odometry and /tf";
             let found = format!("no depth and no scan: {}", survey.text());
             return BagError::content(path, found, "sensor_msgs Image of depth or LaserScan", remedy);
         }
@@ -209,7 +220,8 @@ impl Chooser<'_> {
             // The transport compressedDepth adds a level to the name.
             let topic = if image.kind == Kind::CompressedImage { parent(depth) } else { depth };
             let beside = format!("{}/camera_info", parent(topic));
-            if survey.topics.get(&beside).is_some_and(|seen| seen.kind == Kind::CameraInfo && seen.count > 0) {
+            if survey.topics.get(&beside).is_some_and(|seen| seen.kind == Kind::CameraInfo && seen.count > 0)
+            {
                 return Some(beside);
             }
             let mut same = survey.of_kind(Kind::CameraInfo).filter(|(_, seen)| seen.frame == image.frame);
@@ -223,7 +235,12 @@ impl Chooser<'_> {
         let Some((topic, seen)) = topic.as_ref().zip(info) else {
             let found = format!("no camera_info for {depth}");
             let remedy = "name it with --camera-info-topic, or give --intrinsics fx,fy,cx,cy in pixels";
-            return Err(BagError::content(&survey.path, found, "sensor_msgs/CameraInfo beside the image", remedy));
+            return Err(BagError::content(
+                &survey.path,
+                found,
+                "sensor_msgs/CameraInfo beside the image",
+                remedy,
+            ));
         };
         survey.check(topic, seen)?;
         let fault = |found: String| {

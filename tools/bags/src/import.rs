@@ -91,7 +91,8 @@ impl<'a> Importer<'a> {
     }
 
     fn message(&mut self, channel: &ForeignChannel, message: ForeignMessage) -> Result<(), BagError> {
-        let of = |sensor: &Option<Sensor>| sensor.as_ref().is_some_and(|sensor| sensor.topic == channel.topic);
+        let of =
+            |sensor: &Option<Sensor>| sensor.as_ref().is_some_and(|sensor| sensor.topic == channel.topic);
         if of(&self.choice.depth) {
             return self.depth(message);
         }
@@ -106,7 +107,8 @@ impl<'a> Importer<'a> {
     fn odometry_until(&mut self, capture_ns: u64, now_ns: u64) -> Result<u64, BagError> {
         let mut now_ns = now_ns.max(self.now_ns + 1);
         while let Some((arrival_ns, odometry)) = self.odometry.peek() {
-            let needed = self.odometry_ns < capture_ns && odometry.stamp_ns < capture_ns + 10 * DEPTH_DELAY_NS;
+            let needed =
+                self.odometry_ns < capture_ns && odometry.stamp_ns < capture_ns + 10 * DEPTH_DELAY_NS;
             if *arrival_ns > now_ns && !needed {
                 break;
             }
@@ -172,7 +174,8 @@ impl<'a> Importer<'a> {
         if stride > 1 {
             let (width, height) = (self.raster.width, self.raster.height);
             let (columns, rows) = (self.frame.width, self.frame.height);
-            let text = format!("images of {width} x {height} reduced to {columns} x {rows}, intrinsics with them");
+            let text =
+                format!("images of {width} x {height} reduced to {columns} x {rows}, intrinsics with them");
             self.tally.reduced.get_or_insert(text);
         }
         let (by, shift) = (stride as f64, 0.5 * (stride as f64 - 1.0));
@@ -272,7 +275,9 @@ impl<'a> Importer<'a> {
             (tally.backward, "frames left out: their stamps repeat or run backward"),
             (self.gathered.uncovered(), "frames lie outside the odometry and will be refused by the mapper"),
         ];
-        notes.extend(counted.iter().filter(|(count, _)| *count > 0).map(|(count, text)| format!("{count} {text}")));
+        notes.extend(
+            counted.iter().filter(|(count, _)| *count > 0).map(|(count, text)| format!("{count} {text}")),
+        );
         if self.gathered.track.is_sparse() {
             notes.push("odometry is slower than 50 Hz and was filled up to 100 Hz".into());
         }

@@ -21,7 +21,8 @@ pub fn is_bag(source: &Path) -> bool {
     }
     let bag_file = |path: PathBuf| ["mcap", "db3", "zstd", "bag"].iter().any(|end| has_end(&path, end));
     source.join(METADATA).is_file()
-        || std::fs::read_dir(source).is_ok_and(|entries| entries.flatten().any(|entry| bag_file(entry.path())))
+        || std::fs::read_dir(source)
+            .is_ok_and(|entries| entries.flatten().any(|entry| bag_file(entry.path())))
 }
 
 fn has_end(path: &Path, end: &str) -> bool {
@@ -96,7 +97,8 @@ fn listed(folder: &Path, text: &str) -> Result<Vec<PathBuf>, BagError> {
         .map(plain)
         .collect();
     if names.is_empty() {
-        let remedy = "restore it with `ros2 bag reindex FOLDER`, or delete it: then all .mcap files are taken";
+        let remedy =
+            "restore it with `ros2 bag reindex FOLDER`, or delete it: then all .mcap files are taken";
         return Err(BagError::content(
             &folder.join(METADATA),
             "no relative_file_paths",
@@ -109,8 +111,14 @@ fn listed(folder: &Path, text: &str) -> Result<Vec<PathBuf>, BagError> {
         // Older listings name the folder too; nothing outside of it is ever meant.
         let file = Path::new(&name).file_name().map(|name| folder.join(name)).unwrap_or_default();
         if !file.is_file() {
-            let remedy = "copy the missing file beside metadata.yaml, or delete metadata.yaml to take what is there";
-            return Err(BagError::content(folder, format!("no file {name}"), "every file of the listing", remedy));
+            let remedy =
+                "copy the missing file beside metadata.yaml, or delete metadata.yaml to take what is there";
+            return Err(BagError::content(
+                folder,
+                format!("no file {name}"),
+                "every file of the listing",
+                remedy,
+            ));
         }
         files.push(file);
     }

@@ -77,7 +77,8 @@ impl Raster {
             } else {
                 for (pixel, four) in row.iter_mut().zip(bytes.chunks_exact(4)) {
                     let four = [four[0], four[1], four[2], four[3]];
-                    *pixel = millimetres(if big { f32::from_be_bytes(four) } else { f32::from_le_bytes(four) });
+                    *pixel =
+                        millimetres(if big { f32::from_be_bytes(four) } else { f32::from_le_bytes(four) });
                 }
             }
         }
@@ -90,7 +91,10 @@ impl Raster {
         let (encoding, transport) = format.split_once(';').unwrap_or((format, "compressedDepth"));
         let encoding = encoding.trim();
         let transport = transport.trim();
-        if !is_depth(encoding) || !transport.starts_with("compressedDepth") || image.data.len() < CONFIGURATION {
+        if !is_depth(encoding)
+            || !transport.starts_with("compressedDepth")
+            || image.data.len() < CONFIGURATION
+        {
             return Err(format!("format {format:?} in {} bytes", image.data.len()));
         }
         let (configuration, body) = image.data.split_at(CONFIGURATION);
@@ -156,7 +160,8 @@ impl Raster {
         for (row, pixels) in used.chunks_exact_mut(width).enumerate() {
             for (col, pixel) in pixels.iter_mut().enumerate() {
                 let corner = row * stride * self.width + col * stride;
-                let block = order.iter().map(|(down, right)| self.millimetres[corner + down * self.width + right]);
+                let block =
+                    order.iter().map(|(down, right)| self.millimetres[corner + down * self.width + right]);
                 *pixel = block.into_iter().find(|&value| value != 0).unwrap_or(0);
             }
         }

@@ -130,7 +130,8 @@ impl Survey {
     /// All topics with their types, for a person.
     pub(crate) fn text(&self) -> String {
         let describe = |(name, seen): (&String, &Seen)| {
-            let encoding = if seen.encoding == "cdr" { String::new() } else { format!(" [{}]", seen.encoding) };
+            let encoding =
+                if seen.encoding == "cdr" { String::new() } else { format!(" [{}]", seen.encoding) };
             let detail = if seen.detail.is_empty() { String::new() } else { format!(" {}", seen.detail) };
             format!("{name} ({}{detail}{encoding}, {} messages)", seen.schema, seen.count)
         };

@@ -94,8 +94,13 @@ mod tests {
         let mut sweep: Box<Scan> = bytemuck::allocation::zeroed_box();
         let mut ranges = vec![5.0; 2 * SCAN_BEAMS];
         ranges[11] = 2.0;
-        let scan =
-            LaserScan { angle_increment: 0.001, range_min: 0.1, range_max: 10.0, ranges, ..LaserScan::default() };
+        let scan = LaserScan {
+            angle_increment: 0.001,
+            range_min: 0.1,
+            range_max: 10.0,
+            ranges,
+            ..LaserScan::default()
+        };
         fill(&scan, &Rigid::IDENTITY, &mut sweep).unwrap();
         assert_eq!((sweep.count as usize, sweep.range_m[5], sweep.range_m[6]), (SCAN_BEAMS, 2.0, 5.0));
         assert!((sweep.step_rad - 0.002).abs() < 1e-9 && (sweep.first_rad - 0.0005).abs() < 1e-9);

@@ -98,7 +98,8 @@ impl Track {
             jumps += u32::from(step_m > JUMP.0 && step_m > JUMP.1 * step_s);
             sample.pose_epoch += jumps;
         }
-        let mut steps: Vec<u64> = samples.windows(2).map(|pair| pair[1].stamp_ns - pair[0].stamp_ns).collect();
+        let mut steps: Vec<u64> =
+            samples.windows(2).map(|pair| pair[1].stamp_ns - pair[0].stamp_ns).collect();
         let middle = steps.len() / 2;
         let sparse = !steps.is_empty() && *steps.select_nth_unstable(middle).1 > SPARSE_NS;
         Self { samples, sparse }
@@ -145,7 +146,8 @@ impl Track {
 /// The samples at every 10 ms from one sample on, before the next.
 fn filled(from: Sample, to: Sample) -> impl Iterator<Item = Sample> {
     // Nothing is made up across a gap, only what is needed to hold the pose over the frame at its beginning.
-    let until_ns = if to.stamp_ns - from.stamp_ns > GAP_NS { from.stamp_ns + ODOMETRY_NS } else { to.stamp_ns };
+    let until_ns =
+        if to.stamp_ns - from.stamp_ns > GAP_NS { from.stamp_ns + ODOMETRY_NS } else { to.stamp_ns };
     let first_ns = from.stamp_ns.next_multiple_of(ODOMETRY_NS);
     (first_ns..until_ns).step_by(ODOMETRY_NS as usize).map(move |stamp_ns| {
         if from.pose_epoch == to.pose_epoch {

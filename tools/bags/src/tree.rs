@@ -172,13 +172,16 @@ mod tests {
         let header = Header { stamp: Time::from_ns(stamp_ns), frame_id: parent.into() };
         let translation = Vector3 { x, ..Vector3::default() };
         let transform = Transform { translation, ..Transform::default() };
-        TransformMessage { transforms: vec![TransformStamped { header, child_frame_id: child.into(), transform }] }
+        TransformMessage {
+            transforms: vec![TransformStamped { header, child_frame_id: child.into(), transform }],
+        }
     }
 
     #[test]
     fn a_route_goes_up_to_the_frame_that_both_hang_on() {
         let mut tree = Tree::default();
-        for message in [joint("/body", "base", 0, 1.0), joint("body", "mast", 0, 5.0), joint("mast", "camera", 0, 0.5)]
+        for message in
+            [joint("/body", "base", 0, 1.0), joint("body", "mast", 0, 5.0), joint("mast", "camera", 0, 0.5)]
         {
             tree.learn(&message);
         }
