@@ -66,25 +66,56 @@ fn bags_of_other_kinds_are_refused_by_name_with_the_remedy() {
     refused(&folder.join("c").display().to_string(), &[], 3, &["compression_mode FILE", "zstd -d"]);
     let listing = "  storage_identifier: mcap\n  relative_file_paths:\n    - gone_0.mcap\n";
     file("d/metadata.yaml", listing.as_bytes());
-    refused(&folder.join("d").display().to_string(), &[], 3, &["no file gone_0.mcap", "delete metadata.yaml"]);
+    refused(
+        &folder.join("d").display().to_string(),
+        &[],
+        3,
+        &["no file gone_0.mcap", "delete metadata.yaml"],
+    );
     file("e/metadata.yaml", b"nothing");
     refused(&folder.join("e").display().to_string(), &[], 3, &["no relative_file_paths", "ros2 bag reindex"]);
+    refused(&folder.join("gone.mcap").display().to_string(), &[], 3, &["gone.mcap", "give an .mcap file"]);
     refused(&file("noise.mcap", b"no mcap at all"), &[], 3, &["not an MCAP file"]);
 }
 
 #[test]
 fn what_a_bag_does_not_say_is_asked_for() {
     let bag = |name: &str| format!("{BAGS}/{name}.mcap");
-    refused(&bag("words"), &[], 3, &["no depth and no scan", "/chatter (std_msgs/msg/String", "record the camera"]);
+    refused(
+        &bag("words"),
+        &[],
+        3,
+        &["no depth and no scan", "/chatter (std_msgs/msg/String", "record the camera"],
+    );
     refused(&bag("colour"), &[], 3, &["image encoding \"rgb8\"", "16UC1 or 32FC1", "not its colour"]);
     refused(&bag("xcdr2"), &[], 3, &["XCDR2 (encapsulation 00 07)", "/depth/image", "XCDR1"]);
-    refused(&bag("ros1"), &[], 3, &["message encoding \"ros1\"", "needed message encoding \"cdr\"", "ros2 bag convert"]);
+    refused(
+        &bag("ros1"),
+        &[],
+        3,
+        &["message encoding \"ros1\"", "needed message encoding \"cdr\"", "ros2 bag convert"],
+    );
     refused(&bag("no_info"), &[], 3, &["no camera_info", "--camera-info-topic", "--intrinsics fx,fy,cx,cy"]);
-    refused(&bag("no_tf"), &[], 3, &["no transforms from base_link to camera_optical_frame", "/tf_static", "--mount"]);
+    refused(
+        &bag("no_tf"),
+        &[],
+        3,
+        &["no transforms from base_link to camera_optical_frame", "/tf_static", "--mount"],
+    );
     refused(&bag("no_odometry"), &[], 3, &["no odometry topic", "--floor-fit", "record /odom or /tf"]);
-    let two = ["2 topics that may be meant", "/camera/depth/image_rect_raw", "/rear/depth/image_raw", "--depth-topic"];
+    let two = [
+        "2 topics that may be meant",
+        "/camera/depth/image_rect_raw",
+        "/rear/depth/image_raw",
+        "--depth-topic",
+    ];
     refused(&bag("two"), &[], 2, &two);
-    refused(&bag("raw"), &["--depth-topic", "/nowhere"], 2, &["no message on /nowhere", "give --depth-topic one of"]);
+    refused(
+        &bag("raw"),
+        &["--depth-topic", "/nowhere"],
+        2,
+        &["no message on /nowhere", "give --depth-topic one of"],
+    );
     refused(&bag("raw"), &["--depth-topic", "/odom"], 2, &["/odom is nav_msgs/msg/Odometry"]);
     refused(&bag("raw"), &["--mount", "1,2"], 2, &["--mount is 1,2", "FORWARD,LEFT,UP,PITCH"]);
     refused(&bag("raw"), &["--intrinsics", "1"], 2, &["--intrinsics has 1 numbers", "fx,fy,cx,cy"]);
@@ -104,7 +135,8 @@ fn a_bag_that_was_cut_is_imported_as_far_as_it_goes_and_says_so() {
     std::fs::write(folder.join("end.mcap"), &whole[..whole.len() - 8]).unwrap();
     for (source, frames) in [("end.mcap", 5), ("part", 3)] {
         let out = folder.join(&format!("{source}-out.mcap"));
-        let outcome = run(&["import", &folder.join(source).display().to_string(), &out.display().to_string()]);
+        let outcome =
+            run(&["import", &folder.join(source).display().to_string(), &out.display().to_string()]);
         assert_eq!(outcome.code, 3, "{}{}", outcome.out, outcome.err);
         assert!(outcome.out.contains(&format!("{frames} images")), "{}", outcome.out);
         assert!(outcome.out.contains("cut: "), "{}", outcome.out);
@@ -121,8 +153,7 @@ fn an_imported_bag_plays() {
     let imported = run(&["import", &format!("{BAGS}/moving.mcap"), &out]);
     assert_eq!(imported.code, 0, "{}", imported.err);
     assert!(imported.out.contains("camera_optical_frame moves in base_link"), "{}", imported.out);
-    let (outcome, summary) =
-        run_with_summary("bag", &["play", &out, "--set", "supervision.start_ms=60000"]);
+    let (outcome, summary) = run_with_summary("bag", &["play", &out, "--set", "supervision.start_ms=60000"]);
     assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
     assert!(summary["topics"]["local_map"]["sent"].as_u64().unwrap() >= 4, "{summary:#}");
 }
@@ -271,7 +302,11 @@ fn an_independent_reader_decodes_every_message_of_an_export() {
     }
     // And back again.
     let again = import(&bag, &folder.join("again.mcap"), &[]);
-    assert!(again.out.contains(&format!("{} images", count("/camera/depth/image_rect_raw"))), "{}", again.out);
+    assert!(
+        again.out.contains(&format!("{} images", count("/camera/depth/image_rect_raw"))),
+        "{}",
+        again.out
+    );
 }
 
 #[test]
@@ -296,9 +331,11 @@ fn every_real_bag_of_rosbag2_is_imported_or_refused_with_a_reason() {
     sources.dedup();
     let out = Folder::new("rosbag2");
     for source in &sources {
-        let outcome = run(&["import", &source.display().to_string(), &out.join("out.mcap").display().to_string()]);
+        let outcome =
+            run(&["import", &source.display().to_string(), &out.join("out.mcap").display().to_string()]);
         assert_eq!(outcome.code, 3, "{}: {}{}", source.display(), outcome.out, outcome.err);
-        let reason = ["no depth and no scan", "message encoding"].iter().any(|text| outcome.err.contains(text));
+        let reason =
+            ["no depth and no scan", "message encoding"].iter().any(|text| outcome.err.contains(text));
         assert!(reason && outcome.err.contains("; "), "{}: {}", source.display(), outcome.err);
     }
     println!("{} files and folders", sources.len());

@@ -6,7 +6,7 @@ use crate::error::BagError;
 use crate::gather::{Gathered, gather};
 use crate::messages::{CompressedImage, Image, LaserScan};
 use crate::options::{BagOptions, BagSummary};
-use crate::raster::{Raster, stride};
+use crate::raster::Raster;
 use crate::rigid::Rigid;
 use crate::survey::{Kind, Survey};
 use crate::sweep;
@@ -308,9 +308,7 @@ fn chosen(survey: &Survey, choice: &Choice) -> Vec<String> {
         let seen = &survey.topics[&sensor.topic];
         let (width, height) = seen.size;
         let size = if width > 0 { format!(" {width} x {height}") } else { String::new() };
-        let step = if width > 0 { stride(width as usize, height as usize) } else { 1 };
-        let taken = if step > 1 { format!(", every {step}th pixel") } else { String::new() };
-        lines.push(format!("depth: {} ({}{size}{taken})", sensor.topic, seen.detail));
+        lines.push(format!("depth: {} ({}{size})", sensor.topic, seen.detail));
     }
     lines.extend(choice.scan.iter().map(|sensor| format!("scan: {}", sensor.topic)));
     lines.extend(choice.intrinsics.iter().map(|(_, from)| format!("camera: {from}")));

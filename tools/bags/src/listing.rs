@@ -16,13 +16,13 @@ const CONVERT: &str = "convert it where ROS 2 is installed: `ros2 bag convert -i
 /// Whether `import` should take this as a bag: anything that is not a folder of images.
 #[must_use]
 pub fn is_bag(source: &Path) -> bool {
+    let bag_file = |path: &Path| ["mcap", "db3", "zstd", "bag"].iter().any(|end| has_end(path, end));
     if !source.is_dir() {
-        return source.is_file();
+        return source.is_file() || bag_file(source);
     }
-    let bag_file = |path: PathBuf| ["mcap", "db3", "zstd", "bag"].iter().any(|end| has_end(&path, end));
     source.join(METADATA).is_file()
         || std::fs::read_dir(source)
-            .is_ok_and(|entries| entries.flatten().any(|entry| bag_file(entry.path())))
+            .is_ok_and(|entries| entries.flatten().any(|entry| bag_file(&entry.path())))
 }
 
 fn has_end(path: &Path, end: &str) -> bool {

@@ -141,7 +141,7 @@ impl Raster {
 
     /// Every how many columns and rows a pixel is taken so that the image fits a depth frame.
     pub(crate) fn stride(&self) -> usize {
-        stride(self.width, self.height)
+        self.width.div_ceil(ROOM.0).max(self.height.div_ceil(ROOM.1)).max(1)
     }
 
     /// Fills size and pixels of a frame: of each block of pixels the valid one nearest to its middle.
@@ -166,11 +166,6 @@ impl Raster {
             }
         }
     }
-}
-
-/// As [`Raster::stride`], of an image of this size.
-pub(crate) fn stride(width: usize, height: usize) -> usize {
-    width.div_ceil(ROOM.0).max(height.div_ceil(ROOM.1)).max(1)
 }
 
 /// Rows and columns of a block, those nearest to its middle first.

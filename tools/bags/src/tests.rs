@@ -2,8 +2,8 @@
 
 use crate::{BagOptions, BagSummary, export_bag, import_bag};
 use sidestep_msgs::{
-    DEPTH, DepthFrame, Header, Isometry, LOCAL_MAP, LocalMap, Message, ODOMETRY, Odometry, Pose2, SCAN, Scan, Topic,
-    Twist,
+    DEPTH, DepthFrame, Header, Isometry, LOCAL_MAP, LocalMap, Message, ODOMETRY, Odometry, Pose2, SCAN, Scan,
+    Topic, Twist,
 };
 use sidestep_player::{Entry, Messages};
 use sidestep_recorder::{Origin, Writer};
@@ -62,20 +62,29 @@ fn same_pose(a: &Isometry, b: &Isometry) -> bool {
 
 #[test]
 fn every_kind_of_depth_image_gives_the_same_pixels_camera_and_poses() {
-    for name in ["raw.mcap", "big_endian.mcap", "float.mcap", "png.mcap", "inverse.mcap", "rvl.mcap", "split"] {
+    for name in ["raw.mcap", "big_endian.mcap", "float.mcap", "png.mcap", "inverse.mcap", "rvl.mcap", "split"]
+    {
         let (summary, entries) = imported(&golden(name));
         assert_eq!((summary.frames, summary.damage.len()), (5, 0), "{name}: {summary:?}");
         for (number, frame) in frames(&entries).iter().enumerate() {
             assert_eq!((frame.width, frame.height, frame.metres_per_unit), (32, 24, 0.001), "{name}");
-            let k = [frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px];
-            assert_eq!(k, [30.0, 31.0, 15.5, 11.5], "{name}");
-            assert!(same_pose(&frame.camera, &Isometry::camera(0.1, 0.02, 0.5, 0.0)), "{name}: {:?}", frame.camera);
+            let k = (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px);
+            assert_eq!(k, (30.0, 31.0, 15.5, 11.5), "{name}");
+            assert!(
+                same_pose(&frame.camera, &Isometry::camera(0.1, 0.02, 0.5, 0.0)),
+                "{name}: {:?}",
+                frame.camera
+            );
             assert_eq!(frame.capture_ns, 1_000_000_000 + number as u64 * 100_000_000, "{name}");
             for (at, &value) in frame.used_pixels().iter().enumerate() {
                 let wanted = pixel(number, at / 32, at % 32);
                 // Quantised inverse depth keeps depth to a part of 10100 of its square.
-                let off = if name == "inverse.mcap" { (f64::from(wanted).powi(2) * 1e-7).ceil() as u16 } else { 0 };
-                assert!(value.abs_diff(wanted) <= off && (value == 0) == (wanted == 0), "{name} {at}: {value}");
+                let off =
+                    if name == "inverse.mcap" { (f64::from(wanted).powi(2) * 1e-7).ceil() as u16 } else { 0 };
+                assert!(
+                    value.abs_diff(wanted) <= off && (value == 0) == (wanted == 0),
+                    "{name} {at}: {value}"
+                );
             }
         }
         let odometry: Vec<Odometry> = entries.iter().filter_map(|entry| entry.read(ODOMETRY)).collect();
@@ -83,7 +92,9 @@ fn every_kind_of_depth_image_gives_the_same_pixels_camera_and_poses() {
         for sample in &odometry {
             let at_s = (sample.stamp_ns - 1_000_000_000) as f64 * 1e-9;
             let pose = Pose2::new(0.5 * at_s, -0.2 * at_s, 0.3 * at_s);
-            assert!(sample.pose.distance_m(&pose) < 1e-9 && (sample.pose.yaw_rad - pose.yaw_rad).abs() < 1e-9);
+            assert!(
+                sample.pose.distance_m(&pose) < 1e-9 && (sample.pose.yaw_rad - pose.yaw_rad).abs() < 1e-9
+            );
             assert!((sample.twist.v_m_s - 0.5).abs() < 1e-6 && sample.pose_epoch == 0, "{sample:?}");
         }
     }
@@ -142,7 +153,9 @@ fn a_bag_with_a_lidar_alone_gives_sweeps() {
     let scan: Scan = entries.iter().find_map(|entry| entry.read(SCAN)).unwrap();
     assert_eq!((scan.count, scan.first_rad, scan.near_m, scan.far_m), (93, -1.0, 0.1, 12.0));
     assert!((scan.height_m - 0.5).abs() < 1e-6 && (scan.sensor.x_m - 0.1).abs() < 1e-9);
-    assert!((scan.range_m[89] - 1.89).abs() < 1e-6 && scan.range_m[90].is_infinite() && scan.range_m[91].is_nan());
+    assert!(
+        (scan.range_m[89] - 1.89).abs() < 1e-6 && scan.range_m[90].is_infinite() && scan.range_m[91].is_nan()
+    );
     assert!(scan.range_m[92].is_nan(), "nearer than can be measured is no measurement");
 }
 
@@ -151,10 +164,10 @@ fn what_a_bag_lacks_an_option_can_say() {
     let mount = Some(Isometry::camera(0.2, 0.0, 0.6, 0.1));
     let (_, entries) = imported(&BagOptions { mount, ..golden("no_tf.mcap") });
     assert_eq!(frames(&entries)[0].camera, Isometry::camera(0.2, 0.0, 0.6, 0.1));
-    let intrinsics =
-        Some(sidestep_import::Intrinsics { fx_px: 40.0, fy_px: 40.0, cx_px: 16.0, cy_px: 12.0 });
+    let intrinsics = Some(sidestep_import::Intrinsics { fx_px: 40.0, fy_px: 40.0, cx_px: 16.0, cy_px: 12.0 });
     let (_, entries) = imported(&BagOptions { intrinsics, ..golden("no_info.mcap") });
-    assert_eq!(frames(&entries)[0].fx_px, 40.0);
+    let frame = &frames(&entries)[0];
+    assert_eq!((frame.fx_px, frame.cx_px), (40.0, 16.0));
     let depth_topic = Some("/rear/depth/image_raw".into());
     let camera_info_topic = Some("/camera/depth/camera_info".into());
     let (summary, _) = imported(&BagOptions { depth_topic, camera_info_topic, ..golden("two.mcap") });
@@ -170,7 +183,12 @@ fn what_a_bag_lacks_an_option_can_say() {
 }
 
 /// Writes one message as a node would have.
-fn put<M: Message>(writer: &mut Writer<sidestep_recorder::DiskFile>, topic: Topic<M>, now_ns: u64, message: &M) {
+fn put<M: Message>(
+    writer: &mut Writer<sidestep_recorder::DiskFile>,
+    topic: Topic<M>,
+    now_ns: u64,
+    message: &M,
+) {
     let header = Header { now_ns, ..Header::default() };
     writer.write(topic.row(), &header, bytemuck::bytes_of(message), now_ns).unwrap();
 }
@@ -190,7 +208,12 @@ fn recording(path: &Path, nods: bool, metres_per_unit: f32) -> PathBuf {
         let pose = Pose2 { yaw_rad: sidestep_msgs::wrap_angle(pose.yaw_rad), ..pose };
         let (roll_rad, pitch_rad) = (0.02, -0.01);
         let twist = Twist::new(1.0, 1.0);
-        put(&mut writer, ODOMETRY, stamp_ns, &Odometry { stamp_ns, pose, twist, roll_rad, pitch_rad, ..Odometry::default() });
+        put(
+            &mut writer,
+            ODOMETRY,
+            stamp_ns,
+            &Odometry { stamp_ns, pose, twist, roll_rad, pitch_rad, ..Odometry::default() },
+        );
         if step % 10 == 5 {
             let pitch = if nods { 0.01 * step as f32 } else { 0.2 };
             frame.capture_ns = stamp_ns - 5_000_000;
@@ -215,7 +238,9 @@ fn an_export_that_is_imported_again_has_the_same_pixels_camera_and_poses() {
         let exported = export_bag(&made, &bag).unwrap();
         assert_eq!(exported.totals.messages["/odom"], 100);
         let listing = std::fs::read_to_string(bag.join("metadata.yaml")).unwrap();
-        assert!(listing.contains(&format!("- {name}_0.mcap")) && listing.contains("storage_identifier: mcap"));
+        assert!(
+            listing.contains(&format!("- {name}_0.mcap")) && listing.contains("storage_identifier: mcap")
+        );
         assert!(export_bag(&made, &bag).unwrap_err().to_string().contains("does not exist yet"));
         let (summary, entries) = imported(&BagOptions { source: bag, ..BagOptions::default() });
         assert_eq!((summary.frames, summary.damage.len()), (10, 0), "{summary:?}");
@@ -224,7 +249,9 @@ fn an_export_that_is_imported_again_has_the_same_pixels_camera_and_poses() {
         for (a, b) in frames(&before).iter().zip(&frames(&entries)) {
             assert_eq!(a.capture_ns, b.capture_ns + shift_ns, "{name}");
             let wanted = |pixel: u16| (f64::from(pixel) * f64::from(unit) * 1000.0).round();
-            let same = |(a, b): (&u16, &u16)| (wanted(*a) - f64::from(*b)).abs() <= if unit < 0.001 { 1.0 } else { 0.0 };
+            let same = |(a, b): (&u16, &u16)| {
+                (wanted(*a) - f64::from(*b)).abs() <= if unit < 0.001 { 1.0 } else { 0.0 }
+            };
             assert!(a.used_pixels().iter().zip(b.used_pixels()).all(same), "{name}");
             assert_eq!((a.fx_px, a.fy_px, a.cx_px, a.cy_px), (b.fx_px, b.fy_px, b.cx_px, b.cy_px));
             assert!(same_pose(&a.camera, &b.camera), "{name}: {:?} {:?}", a.camera, b.camera);
