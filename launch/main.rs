@@ -1,5 +1,6 @@
 //! The one binary of sidestep: command line, launcher, and every node of the graph.
 
+mod bags;
 mod child;
 mod external;
 mod failure;
@@ -114,8 +115,10 @@ enum Commands {
         #[arg(long)]
         json: Option<PathBuf>,
     },
-    /// Turns a folder of depth images into a recording.
-    Import(recordings::ImportArguments),
+    /// Turns a folder of depth images or a ROS 2 bag into a recording.
+    Import(bags::ImportArguments),
+    /// Turns a recording into a ROS 2 bag.
+    Export(bags::ExportArguments),
     /// Latencies per stage of a recording.
     Latency {
         /// An .mcap or .mcap.active file.
@@ -299,7 +302,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Record(arguments) => record::record(arguments),
         Commands::Snapshot => record::snapshot(),
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
-        Commands::Import(arguments) => recordings::import(arguments),
+        Commands::Import(arguments) => bags::import(arguments),
+        Commands::Export(arguments) => bags::export(&arguments),
         Commands::Latency { file, json, trace, gate_latency } => {
             recordings::latency(&file, json.as_deref(), trace.as_deref(), gate_latency)
         }

@@ -51,3 +51,5 @@ mod live;
 mod recorder;
 // Drivers in other languages.
 mod driver;
+// ROS 2 bags in and out.
+mod bags;

@@ -7,6 +7,7 @@
 mod config;
 mod error;
 mod feed;
+mod foreign;
 mod info;
 mod message;
 mod node;
@@ -20,6 +21,7 @@ mod tests;
 pub use config::Config;
 pub use error::PlayerError;
 pub use feed::{Feed, Next, PLAYED, Played};
+pub use foreign::{ForeignChannel, ForeignEnd, ForeignMessage, read_foreign};
 pub use info::{ChannelInfo, Info, attachment};
 pub use message::Entry;
 pub use node::run;

@@ -107,7 +107,8 @@ fn refine(plane: &Plane, points: &[Point]) -> Option<Plane> {
 
 /// The pose of the camera in `body`, base being on the floor below and facing where the camera looks; `None` where no
 /// floor is found.
-pub(crate) fn camera_over_floor(frame: &DepthFrame, k: &Intrinsics, seed: u64) -> Option<Isometry> {
+#[must_use]
+pub fn camera_over_floor(frame: &DepthFrame, k: &Intrinsics, seed: u64) -> Option<Isometry> {
     let mut seed = seed;
     let points = points(frame, k, &mut seed);
     if points.len() < SUPPORT_MIN {

@@ -9,12 +9,15 @@ mod floor;
 mod placing;
 mod recording;
 mod source;
+mod way;
 
 #[cfg(test)]
 mod tests;
 
 pub use error::ImportError;
 pub use files::Intrinsics;
+pub use floor::camera_over_floor;
 pub use placing::Up;
-pub use recording::{Summary, import_folder};
-pub use source::{Options, Placing, Source};
+pub use recording::{DEPTH_DELAY_NS, Sender, Summary, import_folder};
+pub use source::{FIRST_NS, ODOMETRY_NS, Options, Placing, Source};
+pub use way::way;

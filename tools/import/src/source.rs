@@ -4,15 +4,14 @@ use crate::error::ImportError;
 use crate::files::{self, Image, Intrinsics, Rigid};
 use crate::floor::camera_over_floor;
 use crate::placing::{Placed, Up, place, turn_upright};
-use sidestep_msgs::{DepthFrame, Isometry, Odometry, PATH_POINTS, Path, PathPoint, Pose2, Twist, wrap_angle};
+use crate::way::way;
+use sidestep_msgs::{DepthFrame, Isometry, Odometry, Path, Pose2, Twist, wrap_angle};
 use std::path::PathBuf;
 
 /// `[ns]` odometry of an import comes at 100 Hz.
-const ODOMETRY_NS: u64 = 10_000_000;
+pub const ODOMETRY_NS: u64 = 10_000_000;
 /// `[ns]` graph time of image number 0: stamps of zero mean nothing to a graph.
-const FIRST_NS: u64 = 1_000_000_000;
-/// `[m]` between two points of the path.
-const PATH_STEP_M: f64 = 0.25;
+pub const FIRST_NS: u64 = 1_000_000_000;
 /// Images that the height of the floor is found from.
 const FLOOR_IMAGES: usize = 25;
 
@@ -243,20 +242,6 @@ impl Source {
 
     /// The way that the camera took, as a path to follow.
     pub fn path(&self, path: &mut Path) {
-        *path = Path { id: 1, pose_epoch: self.epoch(0), ..Path::default() };
-        let mut last: Option<Pose2> = None;
-        for pose in self.placed.iter().map(|placed| placed.base) {
-            let far = last.is_none_or(|last| last.distance_m(&pose) >= PATH_STEP_M);
-            if far && (path.count as usize) < PATH_POINTS {
-                path.points[path.count as usize] = PathPoint { x_m: pose.x_m as f32, y_m: pose.y_m as f32 };
-                path.count += 1;
-                last = Some(pose);
-            }
-        }
-        if path.count == 1 {
-            // A camera that stands still looks at a point ahead.
-            path.points[1] = PathPoint { x_m: path.points[0].x_m + 3.0, ..path.points[0] };
-            path.count = 2;
-        }
+        way(self.placed.iter().map(|placed| placed.base), self.epoch(0), path);
     }
 }
