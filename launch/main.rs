@@ -11,6 +11,7 @@ mod notify;
 mod operator;
 mod output;
 mod recordings;
+mod recover;
 mod report;
 mod roles;
 mod run;
@@ -101,6 +102,8 @@ enum Commands {
         #[arg(long)]
         json: Option<PathBuf>,
     },
+    /// Saves what can be read of a recording that was cut or damaged.
+    Recover(recover::Arguments),
     /// Turns a folder of depth images into a recording.
     Import(recordings::ImportArguments),
     /// Latencies per stage of a recording.
@@ -278,6 +281,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
             run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
         }
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
+        Commands::Recover(arguments) => recover::recover(&arguments),
         Commands::Import(arguments) => recordings::import(arguments),
         Commands::Latency { file, json, trace, gate_latency } => {
             recordings::latency(&file, json.as_deref(), trace.as_deref(), gate_latency)

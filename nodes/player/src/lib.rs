@@ -4,6 +4,7 @@
 //! when each is due. A file that was cut is read up to its last whole chunk; damaged and hostile files end in a clear
 //! error and never in a panic or a large allocation.
 
+mod chunk;
 mod config;
 mod error;
 mod feed;
@@ -11,6 +12,7 @@ mod info;
 mod message;
 mod node;
 mod recording;
+mod recover;
 mod scan;
 mod schedule;
 
@@ -24,4 +26,5 @@ pub use info::{ChannelInfo, Info, attachment};
 pub use message::Entry;
 pub use node::run;
 pub use recording::{Messages, Ordered};
+pub use recover::{Salvage, salvage};
 pub use schedule::Schedule;

@@ -155,8 +155,8 @@ fn pixels(data: &[u8], path: &Path) -> Result<Vec<u8>, PlayerError> {
         PlayerError::damaged(path, format!("an image of depth cannot be decoded: {error}"))
     })?;
     let room = DEPTH.row().size - DEPTH_REST_BYTES;
-    let needed = 2 * u64::from(image.width) * u64::from(image.height);
-    if image.encoding != "16UC1" || image.data.len() as u64 != needed || image.data.len() > room {
+    let needed = 2 * u128::from(image.width) * u128::from(image.height);
+    if image.encoding != "16UC1" || image.data.len() as u128 != needed || image.data.len() > room {
         let (width, height, bytes) = (image.width, image.height, image.data.len());
         let detail = format!(
             "an image of depth is {width} x {height} {} in {bytes} bytes, needed 16UC1 of at most 640 x 480",

@@ -1,5 +1,8 @@
 //! What the recorder wrote, the player reads: exactly, in order, and as far as a damaged file goes.
 
+mod conformance;
+mod recovery;
+
 use crate::{Entry, Feed, Info, Messages, Next, Ordered, Played, PlayerError, attachment};
 use sidestep_msgs::{DEPTH, DEPTH_REST_BYTES, DepthFrame, Header, Message, TOPICS, TopicRow, topic_named};
 use sidestep_recorder::{Origin, Writer};
@@ -271,39 +274,6 @@ fn a_recording_of_another_layout_is_refused_with_found_and_needed() {
     let error = Messages::open(&file.0).unwrap().next().unwrap().unwrap_err().to_string();
     let needed = format!("{:016x}", <sidestep_msgs::Odometry as Message>::LAYOUT_HASH);
     assert!(error.contains("0123456789abcdef") && error.contains(&needed), "{error}");
-}
-
-/// Foreign files of the data folder: rosbag2, conformance suite, files of other programs.
-#[test]
-fn foreign_files_are_described_but_not_played() {
-    let Ok(data) = std::env::var("SIDESTEP_DATA") else {
-        println!("skipped: SIDESTEP_DATA is not set (foreign MCAP files)");
-        return;
-    };
-    let mut folders: Vec<_> = ["mcap_conformance", "mcap_lichtblick", "mcap_rosbag2", "mcap_rust_crate"]
-        .iter()
-        .map(|name| PathBuf::from(&data).join(name))
-        .collect();
-    let mut files = 0;
-    while let Some(folder) = folders.pop() {
-        for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|end| end == "mcap") {
-                files += 1;
-                let described = Info::read(&path).map(|info| info.text());
-                assert!(described.is_ok(), "{described:?}");
-                let outcome = Messages::open(&path).unwrap().find_map(Result::err);
-                assert!(
-                    outcome.is_none_or(|error| matches!(error, PlayerError::Foreign { .. })),
-                    "{}",
-                    path.display()
-                );
-            }
-        }
-    }
-    println!("{files} foreign files");
-    assert!(files > 3);
 }
 
 #[test]

@@ -67,7 +67,7 @@ impl DiskFile {
     }
 
     /// Gives the complete file its name.
-    fn complete(mut self) -> Result<PathBuf, RecordError> {
+    pub(crate) fn complete(mut self) -> Result<PathBuf, RecordError> {
         let name = self.path.display().to_string();
         let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
         synced.map_err(|error| RecordError::write(&name, &error.into()))?;

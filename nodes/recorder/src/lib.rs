@@ -5,6 +5,7 @@
 //! recording with a message, keeps the file, and the drive goes on.
 
 mod config;
+mod copying;
 mod depth;
 mod error;
 mod file;
@@ -15,6 +16,7 @@ mod queue;
 mod writer;
 
 pub use config::Config;
+pub use copying::Copying;
 pub use error::RecordError;
 pub use file::DiskFile;
 pub use layout::layout_text;
