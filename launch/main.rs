@@ -3,6 +3,7 @@
 mod child;
 mod failure;
 mod interface;
+mod keyboard;
 mod learning;
 mod look;
 mod manifest;
@@ -10,6 +11,7 @@ mod monitor;
 mod notify;
 mod operator;
 mod output;
+mod play;
 mod recordings;
 mod recover;
 mod report;
@@ -80,17 +82,8 @@ enum Commands {
     },
     /// Plays a recording into a live graph, open loop.
     Play {
-        /// An .mcap file.
-        file: PathBuf,
-        /// Graph seconds per host second.
-        #[arg(long, default_value_t = 1.0)]
-        rate: f64,
-        /// Begins again at the end.
-        #[arg(long = "loop")]
-        repeat: bool,
-        /// `[s]` how far into the recording to begin.
-        #[arg(long, default_value_t = 0.0)]
-        start_offset: f64,
+        #[command(flatten)]
+        play: play::Arguments,
         #[command(flatten)]
         flags: RunFlags,
     },
@@ -239,6 +232,7 @@ fn run_options(graph: Option<String>, flags: RunFlags) -> run::Options {
         gate_latency: flags.gate_latency,
         json: flags.json,
         must_arrive: office,
+        keys: false,
     }
 }
 
@@ -276,9 +270,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
             ));
             Ok(())
         }
-        Commands::Play { file, rate, repeat, start_offset, flags } => {
-            let graph = run_options(Some("play".to_owned()), flags);
-            run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
+        Commands::Play { play, flags } => {
+            run::run(&play::play(&play, run_options(Some("play".to_owned()), flags))?)
         }
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
         Commands::Recover(arguments) => recover::recover(&arguments),

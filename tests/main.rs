@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// Recordings played in lockstep, in part, by the keyboard; and saved from a cut.
+mod play;

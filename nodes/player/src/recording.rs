@@ -3,6 +3,7 @@
 use crate::error::PlayerError;
 use crate::message::{Decoder, Entry};
 use crate::scan::{Extent, Scan};
+use crate::selection::Renamed;
 use mcap::records::Record;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -35,7 +36,12 @@ impl Messages {
     /// # Errors
     /// [`PlayerError::Read`] or [`PlayerError::NotMcap`].
     pub fn open(path: &Path) -> Result<Self, PlayerError> {
-        let (scan, decoder) = (Scan::open(path, Extent::Data)?, Decoder::default());
+        Self::renaming(path, Renamed::default())
+    }
+
+    /// As [`Messages::open`], with other names for some channels.
+    pub(crate) fn renaming(path: &Path, renamed: Renamed) -> Result<Self, PlayerError> {
+        let (scan, decoder) = (Scan::open(path, Extent::Data)?, Decoder::renaming(renamed));
         Ok(Self { scan, decoder, failed: false, other_channels: Vec::new() })
     }
 
@@ -150,7 +156,15 @@ impl Ordered {
     /// # Errors
     /// As [`Messages::open`].
     pub fn open(path: &Path) -> Result<Self, PlayerError> {
-        let messages = Messages::open(path)?;
+        Self::of(Messages::open(path)?)
+    }
+
+    /// As [`Ordered::open`], with other names for some channels.
+    pub(crate) fn renaming(path: &Path, renamed: Renamed) -> Result<Self, PlayerError> {
+        Self::of(Messages::renaming(path, renamed)?)
+    }
+
+    fn of(messages: Messages) -> Result<Self, PlayerError> {
         Ok(Self { messages, held: BinaryHeap::new(), held_bytes: 0, newest_ns: 0, ended: false })
     }
 

@@ -1,9 +1,10 @@
 //! What the recorder wrote, the player reads: exactly, in order, and as far as a damaged file goes.
 
 mod conformance;
+mod hostile;
 mod recovery;
 
-use crate::{Entry, Feed, Info, Messages, Next, Ordered, Played, PlayerError, attachment};
+use crate::{Entry, Feed, Info, Messages, Next, Ordered, Played, PlayerError, Selection, attachment};
 use sidestep_msgs::{DEPTH, DEPTH_REST_BYTES, DepthFrame, Header, Message, TOPICS, TopicRow, topic_named};
 use sidestep_recorder::{Origin, Writer};
 use std::collections::BTreeMap;
@@ -292,12 +293,16 @@ fn playback_gives_the_drivers_topics_from_the_start_and_the_path_that_held_there
     ];
     let file = Scratch::new("played", &record(&made, &[]));
     let from = |offset_ns| -> Vec<_> {
-        let played = Played::open(&file.0, offset_ns).unwrap().map(Result::unwrap);
+        let played =
+            Played::open(&file.0, &Selection::part(offset_ns, u64::MAX)).unwrap().map(Result::unwrap);
         played.map(|entry| (entry.row().name, entry.header.sequence, entry.header.now_ns)).collect()
     };
     assert_eq!(from(60), [("path", 2, 160), ("odometry", 2, 160), ("odometry", 3, 180)]);
     assert_eq!(from(0).len(), 5);
-    let mut feed = Feed::start(&file.0, 60, true).unwrap();
+    let short: Vec<_> =
+        Played::open(&file.0, &Selection::part(20, 40)).unwrap().map(Result::unwrap).collect();
+    assert_eq!(short.iter().map(|entry| entry.header.now_ns).collect::<Vec<_>>(), [120, 120]);
+    let mut feed = Feed::start(&file.0, &Selection::part(60, u64::MAX), true).unwrap();
     let mut jumps = 0;
     for _ in 0..12 {
         feed.peek().unwrap().unwrap();
