@@ -6,6 +6,7 @@ mod external;
 mod failure;
 mod init;
 mod interface;
+mod keyboard;
 mod learning;
 mod live;
 mod look;
@@ -14,8 +15,10 @@ mod monitor;
 mod notify;
 mod operator;
 mod output;
+mod play;
 mod record;
 mod recordings;
+mod recover;
 mod replay;
 mod report;
 mod roles;
@@ -87,17 +90,8 @@ enum Commands {
     },
     /// Plays a recording into a live graph, open loop.
     Play {
-        /// An .mcap file.
-        file: PathBuf,
-        /// Graph seconds per host second.
-        #[arg(long, default_value_t = 1.0)]
-        rate: f64,
-        /// Begins again at the end.
-        #[arg(long = "loop")]
-        repeat: bool,
-        /// `[s]` how far into the recording to begin.
-        #[arg(long, default_value_t = 0.0)]
-        start_offset: f64,
+        #[command(flatten)]
+        play: play::Arguments,
         #[command(flatten)]
         flags: RunFlags,
     },
@@ -115,6 +109,8 @@ enum Commands {
         #[arg(long)]
         json: Option<PathBuf>,
     },
+    /// Saves what can be read of a recording that was cut or damaged.
+    Recover(recover::Arguments),
     /// Turns a folder of depth images or a ROS 2 bag into a recording.
     Import(bags::ImportArguments),
     /// Turns a recording into a ROS 2 bag.
@@ -254,6 +250,7 @@ fn run_options(graph: Option<String>, flags: RunFlags) -> run::Options {
         gate_latency: flags.gate_latency,
         json: flags.json,
         must_arrive: office,
+        keys: false,
     }
 }
 
@@ -294,14 +291,14 @@ fn execute(command: Commands) -> Result<(), Failure> {
             let _ = external::find_programs(&graph).map_err(|failure| output::note(failure.message));
             Ok(())
         }
-        Commands::Play { file, rate, repeat, start_offset, flags } => {
-            let graph = run_options(Some("play".to_owned()), flags);
-            run::run(&recordings::play(&file, rate, repeat, start_offset, graph)?)
+        Commands::Play { play, flags } => {
+            run::run(&play::play(&play, run_options(Some("play".to_owned()), flags))?)
         }
         Commands::Replay(arguments) => replay::run(&arguments),
         Commands::Record(arguments) => record::record(arguments),
         Commands::Snapshot => record::snapshot(),
         Commands::Info { file, json } => recordings::info(&file, json.as_deref()),
+        Commands::Recover(arguments) => recover::recover(&arguments),
         Commands::Import(arguments) => bags::import(arguments),
         Commands::Export(arguments) => bags::export(&arguments),
         Commands::Latency { file, json, trace, gate_latency } => {

@@ -19,7 +19,7 @@ pub(crate) const ROBOTS: &[(&str, &str)] =
     &[("loomo", include_str!("robots/loomo.toml")), ("jackal", include_str!("robots/jackal.toml"))];
 
 /// Nodes that stand where the robot's own drivers stand, and move graph time in lockstep.
-pub(crate) const DRIVERS: &[&str] = &["sim", "driver"];
+pub(crate) const DRIVERS: &[&str] = &["sim", "player", "driver"];
 
 /// Who drives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -387,11 +387,11 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
     }
     let drivers = plans.iter_mut().filter(|plan| DRIVERS.contains(&plan.name.as_str()));
     drivers.for_each(|plan| plan.moves_time = file.time == Time::Lockstep);
-    let driver = plans.iter().any(|plan| plan.moves_time);
-    if file.time == Time::Lockstep && (!driver || nodes.player.is_some()) {
-        let found = if driver { "a player" } else { "no driver" };
+    let drivers = plans.iter().filter(|plan| plan.moves_time).count();
+    if file.time == Time::Lockstep && drivers != 1 {
+        let found = if drivers == 0 { "no driver" } else { "two drivers" };
         return Err(Failure::usage(format!(
-            "graph {origin}: time is \"lockstep\" with {found}; needed: sim, or [external.driver], and no player"
+            "graph {origin}: time is \"lockstep\" with {found}; needed: one of sim, player and [external.driver]"
         )));
     }
     if plans.is_empty() {

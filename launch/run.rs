@@ -1,6 +1,7 @@
 //! `sidestep run`: validates, starts, watches, stops, reports.
 
 use crate::failure::Failure;
+use crate::keyboard::Keyboard;
 use crate::manifest::{Graph, Time};
 use crate::monitor::Monitor;
 use crate::notify::Notifier;
@@ -31,6 +32,8 @@ pub(crate) struct Options {
     pub(crate) json: Option<PathBuf>,
     /// Whether a simulated drive must reach a goal to count as done.
     pub(crate) must_arrive: bool,
+    /// Whether keys of the terminal are for the player.
+    pub(crate) keys: bool,
 }
 
 /// How a run came to its end.
@@ -91,7 +94,9 @@ pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let mut supervisor = Supervisor::new(graph.clone(), run_number())?;
     let mut monitor = Monitor::new(supervisor.link(), &graph)?;
     let mut notifier = Notifier::from_environment();
-    let ended = drive(options, &mut supervisor, &mut monitor, &mut notifier, &wishes);
+    let mut keyboard = if options.keys { Keyboard::take() } else { None };
+    let ended = drive(options, &mut supervisor, &mut monitor, &mut notifier, &wishes, &mut keyboard);
+    drop(keyboard);
     notifier.stopping();
     supervisor.sample_usage();
     monitor.end();
@@ -116,9 +121,11 @@ fn drive(
     monitor: &mut Monitor,
     notifier: &mut Notifier,
     wishes: &Wishes,
+    keyboard: &mut Option<Keyboard>,
 ) -> Result<End, Failure> {
     let mut deadline_ns = None;
     loop {
+        keyboard.iter_mut().for_each(|keyboard| keyboard.pass_on(supervisor.folder()));
         if supervisor.look()? == Verdict::FreshDomain {
             supervisor.move_to_fresh_domain()?;
             monitor.move_to(supervisor.link())?;

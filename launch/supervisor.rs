@@ -124,6 +124,11 @@ impl Supervisor {
         &self.link
     }
 
+    /// The folder of the run.
+    pub(crate) fn folder(&self) -> &std::path::Path {
+        &self.names.domain.root
+    }
+
     /// What moves graph time.
     pub(crate) fn time(&self) -> Time {
         self.graph.time

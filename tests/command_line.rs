@@ -3,7 +3,7 @@
 use crate::harness::{Folder, run};
 
 /// Runs a command that must fail with this code and say all of this.
-fn refused(arguments: &[&str], code: i32, says: &[&str]) {
+pub(crate) fn refused(arguments: &[&str], code: i32, says: &[&str]) {
     let outcome = run(arguments);
     assert_eq!(outcome.code, code, "{arguments:?}: {}{}", outcome.out, outcome.err);
     for text in says {
@@ -155,7 +155,7 @@ fn what_a_node_would_refuse_is_refused_before_anything_starts() {
             "lockstep_rate_most is 0, needed: 0.1 to 1000",
         ),
         (&["check", "robot", "--set", "lead=nobody"], "unknown variant `nobody`"),
-        (&["check", "play", "--set", "time=lockstep"], "lockstep"),
+        (&["check", "play", "--set", "player.topics=[\"command\"]"], "needed: a topic of the driver"),
         (&["run", "play", "--set", "player.rate=0.0"], "player.rate is 0, needed"),
     ] {
         refused(arguments, 2, &[needed]);
@@ -169,7 +169,11 @@ fn a_graph_that_lacks_its_lead_or_its_driver_is_refused() {
     let (without_driver, _) = shipped.split_once("# The driver publishes").unwrap();
     let waiting =
         folder.write("waiting.toml", &without_driver.replace("time = \"real\"", "time = \"lockstep\""));
-    refused(&["check", &waiting], 2, &["lockstep", "no driver", "needed: sim, or [external.driver]"]);
+    refused(
+        &["check", &waiting],
+        2,
+        &["lockstep", "no driver", "needed: one of sim, player and [external.driver]"],
+    );
     let (before, rest) = shipped.split_once("[nodes.policy]").unwrap();
     let (_, after) = rest.split_once("[nodes.expert]").unwrap();
     let leaderless = folder.write("leaderless.toml", &format!("{before}[nodes.expert]{after}"));

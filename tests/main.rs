@@ -53,3 +53,5 @@ mod recorder;
 mod driver;
 // ROS 2 bags in and out.
 mod bags;
+// Recordings played in lockstep, in part, by the keyboard; and saved from a cut.
+mod play;

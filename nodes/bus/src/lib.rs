@@ -19,6 +19,8 @@
 //! })
 //! ```
 
+mod answers;
+mod bookmark;
 mod boot;
 mod clock;
 mod domain;
@@ -30,6 +32,8 @@ mod link;
 mod outbox;
 mod step;
 
+pub use answers::{Answers, Question};
+pub use bookmark::Bookmark;
 pub use boot::{Boot, environment};
 pub use clock::{host_ns, pause, wall_ns};
 pub use domain::{Domain, DomainName, Services, live_domains, runtime_root, sweep};

@@ -362,6 +362,7 @@ impl Link {
         let mut raised = false;
         if let Some(word) = self.clock_inbox.newest(&mut aside)? {
             raised = self.clock.take(*word);
+            step.clock_sequence = word.header().sequence;
         }
         step.begin(self.clock.graph_ns(host), host);
         step.epoch = self.clock.epoch();

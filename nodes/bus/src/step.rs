@@ -14,6 +14,7 @@ pub struct Step {
     pub(crate) epoch_raised: bool,
     pub(crate) open_loop: bool,
     pub(crate) lockstep: bool,
+    pub(crate) clock_sequence: u64,
     pub(crate) tick: bool,
     pub(crate) wake_at_ns: Option<u64>,
     pub(crate) published: bool,
@@ -43,6 +44,7 @@ impl Step {
             epoch_raised: false,
             open_loop: false,
             lockstep: false,
+            clock_sequence: 0,
             tick: false,
             wake_at_ns: None,
             published: false,
@@ -102,6 +104,12 @@ impl Step {
     #[must_use]
     pub fn is_lockstep(&self) -> bool {
         self.lockstep
+    }
+
+    /// Number of the newest word of the clock that was there when this step began; 0 = none.
+    #[must_use]
+    pub fn clock_sequence(&self) -> u64 {
+        self.clock_sequence
     }
 
     /// The recorder asks for the state.

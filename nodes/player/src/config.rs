@@ -1,5 +1,6 @@
 //! Settings of the player.
 
+use crate::selection::Selection;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -15,6 +16,16 @@ pub struct Config {
     pub repeat: bool,
     /// `[s]` `[0, 1e6]` how far into the recording to begin.
     pub start_offset_s: f64,
+    /// `[s]` more than 0: how much of it to play; inf = to its end.
+    pub duration_s: f64,
+    /// The driver's topics to play; none = all of them.
+    pub topics: Vec<String>,
+    /// Topics of the driver that are not played.
+    pub exclude: Vec<String>,
+    /// `CHANNEL:=TOPIC`: a channel of the recording that is played on a topic of the driver, in place of that topic's own.
+    pub remap: Vec<String>,
+    /// Whether to stand before the first message until the keyboard says go on.
+    pub paused: bool,
 }
 
 impl Config {
@@ -31,7 +42,16 @@ impl Config {
         if !(self.start_offset_s >= 0.0 && self.start_offset_s <= 1e6) {
             return wrong("start_offset_s", self.start_offset_s, "0 to 1e6");
         }
-        Ok(())
+        if !(self.duration_s > 0.0) {
+            return wrong("duration_s", self.duration_s, "more than 0, inf for all");
+        }
+        Selection::of(self).map(|_| ())
+    }
+
+    /// `[ns]` [`Config::duration_s`].
+    #[must_use]
+    pub fn duration_ns(&self) -> u64 {
+        (self.duration_s * 1e9) as u64
     }
 
     /// `[ns]` [`Config::start_offset_s`].
@@ -47,12 +67,25 @@ mod tests {
 
     #[test]
     fn a_setting_out_of_range_is_named_with_its_range() {
-        let good = Config { file: "drive.mcap".into(), rate: 1.0, repeat: false, start_offset_s: 0.0 };
+        let good = Config {
+            file: "drive.mcap".into(),
+            rate: 1.0,
+            repeat: false,
+            start_offset_s: 0.0,
+            duration_s: f64::INFINITY,
+            topics: Vec::new(),
+            exclude: Vec::new(),
+            remap: Vec::new(),
+            paused: false,
+        };
         assert_eq!(good.check(), Ok(()));
         for bad in [
             Config { rate: 0.0, ..good.clone() },
             Config { start_offset_s: f64::NAN, ..good.clone() },
-            Config { rate: f64::INFINITY, ..good },
+            Config { rate: f64::INFINITY, ..good.clone() },
+            Config { duration_s: 0.0, ..good.clone() },
+            Config { duration_s: f64::NAN, ..good.clone() },
+            Config { remap: vec!["odometry".into()], ..good },
         ] {
             let text = bad.check().unwrap_err();
             assert!(text.starts_with("player.") && text.contains("needed"), "{text}");

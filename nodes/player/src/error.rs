@@ -14,12 +14,14 @@ pub enum PlayerError {
         source: std::io::Error,
     },
     /// Not an MCAP file.
-    #[error("recording {path}: not an MCAP file (its first bytes are {found}); give a file made by sidestep")]
+    #[error("recording {path}: not an MCAP file ({found}); {remedy}")]
     NotMcap {
         /// The file.
         path: PathBuf,
-        /// The first bytes, hexadecimal.
+        /// What it is instead, or its first bytes.
         found: String,
+        /// What to do with it.
+        remedy: &'static str,
     },
     /// No channel of the file is a topic of the table.
     #[error("recording {path}: holds no topic of sidestep, only {found}; give a recording made by sidestep")]

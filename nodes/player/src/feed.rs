@@ -6,6 +6,7 @@
 use crate::error::PlayerError;
 use crate::message::Entry;
 use crate::recording::Ordered;
+use crate::selection::Selection;
 use crossbeam::channel::{Receiver, bounded};
 use sidestep_msgs::{DEPTH, ODOMETRY, PATH, RANGES, SCAN, TARGET, TOPICS};
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ const READ_AHEAD: usize = 32;
 #[derive(Debug)]
 pub struct Played {
     ordered: Ordered,
-    offset_ns: u64,
+    selection: Selection,
     start_ns: Option<u64>,
     /// Newest message from before the start, for topics that are sent on demand: a path holds until the next one.
     standing: Vec<Entry>,
@@ -28,18 +29,19 @@ pub struct Played {
 }
 
 impl Played {
-    /// Begins `offset_ns` after the first message.
+    /// Begins before the first message that is selected.
     ///
     /// # Errors
     /// As [`Ordered::open`].
-    pub fn open(path: &Path, offset_ns: u64) -> Result<Self, PlayerError> {
-        let ordered = Ordered::open(path)?;
-        Ok(Self { ordered, offset_ns, start_ns: None, standing: Vec::new(), first: None })
+    pub fn open(path: &Path, selection: &Selection) -> Result<Self, PlayerError> {
+        let ordered = Ordered::renaming(path, selection.renamed())?;
+        Ok(Self { ordered, selection: selection.clone(), start_ns: None, standing: Vec::new(), first: None })
     }
 
     /// Keeps what stands from before the start; hands back what comes after it.
     fn after_start(&mut self, entry: Entry) -> Option<Entry> {
-        let start_ns = *self.start_ns.get_or_insert(entry.header.now_ns.saturating_add(self.offset_ns));
+        let start_ns =
+            *self.start_ns.get_or_insert(entry.header.now_ns.saturating_add(self.selection.offset_ns));
         if entry.header.now_ns >= start_ns {
             return Some(entry);
         }
@@ -64,6 +66,15 @@ impl Iterator for Played {
                 Ok(_) => continue,
                 Err(error) => return Some(Err(error)),
             };
+            let end_ns = self.start_ns.map(|start_ns| start_ns.saturating_add(self.selection.duration_ns));
+            if end_ns.is_some_and(|end_ns| entry.header.now_ns >= end_ns) {
+                return None;
+            }
+            if !self.selection.plays(entry.topic) {
+                // Not played, but it still says where the recording begins.
+                self.start_ns.get_or_insert(entry.header.now_ns.saturating_add(self.selection.offset_ns));
+                continue;
+            }
             if let Some(entry) = self.after_start(entry) {
                 let Some(mut standing) = self.standing.pop() else { return Some(Ok(entry)) };
                 // Said anew at the start, as whoever sent it would.
@@ -96,8 +107,9 @@ impl Feed {
     ///
     /// # Errors
     /// As [`Ordered::open`], and [`PlayerError::Read`] where the system has no thread to give.
-    pub fn start(path: &Path, offset_ns: u64, repeat: bool) -> Result<Self, PlayerError> {
-        let first = Played::open(path, offset_ns)?;
+    pub fn start(path: &Path, selection: &Selection, repeat: bool) -> Result<Self, PlayerError> {
+        let first = Played::open(path, selection)?;
+        let selection = selection.clone();
         let (give, ahead) = bounded(READ_AHEAD);
         let path_again = path.to_path_buf();
         let read = move || {
@@ -108,7 +120,7 @@ impl Feed {
                 if !repeat || !any {
                     return;
                 }
-                pass = Played::open(&path_again, offset_ns);
+                pass = Played::open(&path_again, &selection);
             }
             let _ = pass.map_err(|error| send(Err(error)));
         };

@@ -1,9 +1,8 @@
 //! What a recording holds, at a glance.
 
 use crate::error::PlayerError;
-use crate::scan::{MAGIC, Scan};
-use mcap::records::Record;
-use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+use crate::scan::{Extent, MAGIC, Scan, parse};
+use mcap::records::{Record, Statistics, op};
 use serde::Serialize;
 use sidestep_msgs::LOST_RECORD;
 use std::collections::BTreeMap;
@@ -78,8 +77,10 @@ impl Tally {
                 self.channels.entry(channel.id).or_insert((channel.schema_id, fresh));
             }
             Record::Message { header, .. } => {
-                if let Some((_, channel)) = self.channels.get_mut(&header.channel_id) {
-                    channel.count += 1;
+                match self.channels.get_mut(&header.channel_id) {
+                    Some((_, channel)) => channel.count += 1,
+                    // Of a channel that the file does not declare.
+                    None => self.info.messages += 1,
                 }
                 let (start, end) = self.bounds.unwrap_or((header.log_time, header.log_time));
                 self.bounds = Some((start.min(header.log_time), end.max(header.log_time)));
@@ -115,21 +116,30 @@ impl Info {
     /// [`PlayerError::Read`] or [`PlayerError::NotMcap`]; damage within is told by [`Info::damage`].
     pub fn read(path: &Path) -> Result<Self, PlayerError> {
         // Opening the scan checks that this is an MCAP file.
-        let mut scan = Scan::open(path)?;
-        let mut tally = Tally::default();
+        let mut scan = Scan::open(path, Extent::Whole)?;
         let fault = |source| PlayerError::read(path, source);
         let mut file = File::open(path).map_err(fault)?;
         let size_bytes = file.metadata().map_err(fault)?.len();
-        let complete = summary(&mut file, size_bytes, &mut tally).is_some();
+        let mut tally = Tally::default();
+        let mut complete = summary(path, &mut file, size_bytes, &mut tally).is_some();
         if !complete {
             tally = Tally::default();
             while let Some(outcome) = scan.next(|record| tally.record(record)) {
                 outcome?;
             }
+            complete = scan.is_complete();
         }
-        let missing = "the end mark is missing, as after a kill or a full disk";
-        let damage = (!complete).then(|| scan.damage().unwrap_or(missing).to_string());
+        let damage = scan.damage().filter(|_| !complete).map(str::to_owned);
         Ok(Self { path: path.to_path_buf(), size_bytes, complete, damage, ..tally.finish() })
+    }
+
+    /// Messages that the summary of a file counts; `None` where there is none.
+    pub(crate) fn counted(path: &Path) -> Option<u64> {
+        let mut file = File::open(path).ok()?;
+        let size_bytes = file.metadata().ok()?.len();
+        let mut tally = Tally::default();
+        summary(path, &mut file, size_bytes, &mut tally)?;
+        Some(tally.finish().messages)
     }
 
     /// Messages lost by the recorder, by topic.
@@ -174,43 +184,60 @@ impl Info {
     }
 }
 
-/// Reads the summary of a complete file; `None` where there is none or it cannot be trusted.
-fn summary(file: &mut File, size_bytes: u64, tally: &mut Tally) -> Option<()> {
-    let options =
-        SummaryReaderOptions::default().with_file_size(size_bytes).with_record_length_limit(16 << 20);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::ReadRequest(count) => {
-                let count = file.read(reader.insert(count)).ok()?;
-                reader.notify_read(count);
-            }
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
+/// `[byte]` the last record and the end mark of a complete file.
+const FOOTER_BYTES: u64 = 9 + 20 + MAGIC.len() as u64;
+/// `[byte]` a metadata record of a summary that is larger is not looked up.
+const LOOK_UP_BYTES_MAX: u64 = 16 << 20;
+
+/// Where the summary of a complete file begins.
+fn summary_start(file: &mut File, size_bytes: u64) -> Option<u64> {
+    let footer_start = size_bytes.checked_sub(FOOTER_BYTES)?;
+    let (opcode, body) = read_record(file, footer_start, size_bytes)?;
+    let mut last = [0; MAGIC.len()];
+    file.read_exact(&mut last).ok()?;
+    let Ok(Record::Footer(footer)) = parse(opcode, &body) else { return None };
+    let start = footer.summary_start;
+    (last == MAGIC && start > 0 && start < footer_start).then_some(start)
+}
+
+/// Reads the summary of a complete file; `None` where there is none or it does not tell enough.
+fn summary(path: &Path, file: &mut File, size_bytes: u64, tally: &mut Tally) -> Option<()> {
+    let mut scan = Scan::open(path, Extent::Whole).ok()?;
+    scan.seek(summary_start(file, size_bytes)?).ok()?;
+    let mut statistics: Option<Statistics> = None;
+    let mut places = Vec::new();
+    while let Some(outcome) = scan.next(|record| match record {
+        Record::Schema { .. } | Record::Channel(_) => tally.record(record),
+        Record::Statistics(found) => statistics = Some(found.clone()),
+        Record::MetadataIndex(index) => places.push(index.offset),
+        Record::AttachmentIndex(index) => {
+            tally.info.attachments.insert(index.name.clone(), index.data_size);
         }
+        _ => {}
+    }) {
+        outcome.ok()?;
     }
-    let summary = reader.finish()?;
-    let stats = summary.stats.as_ref()?;
-    if let Some(library) = read_record(file, MAGIC.len() as u64, size_bytes) {
-        tally.record(&mcap::parse_record(library.0, &library.1).ok()?);
+    let statistics = statistics.filter(|_| scan.is_complete())?;
+    let counted: u64 =
+        statistics.channel_message_counts.values().fold(0, |sum, count| sum.saturating_add(*count));
+    let told = counted == statistics.message_count
+        && tally.channels.len() >= statistics.channel_count as usize
+        && tally.info.attachments.len() <= statistics.attachment_count as usize
+        && places.len() == statistics.metadata_count as usize
+        && (statistics.attachment_count == 0 || !tally.info.attachments.is_empty());
+    if !told {
+        return None;
     }
-    for (id, schema) in &summary.schemas {
-        tally.schemas.insert(*id, schema.name.clone());
+    for (id, count) in &statistics.channel_message_counts {
+        tally.channels.get_mut(id)?.1.count = *count;
     }
-    for (id, channel) in &summary.channels {
-        let count = stats.channel_message_counts.get(id).copied().unwrap_or(0);
-        let (topic, encoding) = (channel.topic.clone(), channel.message_encoding.clone());
-        let schema = channel.schema.as_ref().map_or(0, |schema| schema.id);
-        let info = ChannelInfo { topic, encoding, count, ..ChannelInfo::default() };
-        tally.channels.insert(*id, (schema, info));
+    for offset in [MAGIC.len() as u64].into_iter().chain(places) {
+        let (opcode, body) = read_record(file, offset, size_bytes)?;
+        let wanted = matches!(opcode, op::HEADER | op::METADATA);
+        wanted.then(|| parse(opcode, &body).map(|record| tally.record(&record)))?.ok()?;
     }
-    for index in &summary.attachment_indexes {
-        tally.info.attachments.insert(index.name.clone(), index.data_size);
-    }
-    for index in &summary.metadata_indexes {
-        let (opcode, body) = read_record(file, index.offset, size_bytes)?;
-        tally.record(&mcap::parse_record(opcode, &body).ok()?);
-    }
-    tally.bounds = (stats.message_count > 0).then_some((stats.message_start_time, stats.message_end_time));
+    let any = statistics.message_count > 0;
+    tally.bounds = any.then_some((statistics.message_start_time, statistics.message_end_time));
     Some(())
 }
 
@@ -222,7 +249,7 @@ fn read_record(file: &mut File, offset: u64, size_bytes: u64) -> Option<(u8, Vec
     let mut length = [0; 8];
     length.copy_from_slice(&head[1..]);
     let length = u64::from_le_bytes(length);
-    if length > size_bytes.saturating_sub(offset) || length > 16 << 20 {
+    if length > size_bytes.saturating_sub(offset) || length > LOOK_UP_BYTES_MAX {
         return None;
     }
     let mut body = vec![0; length as usize];
@@ -235,7 +262,7 @@ fn read_record(file: &mut File, offset: u64, size_bytes: u64) -> Option<(u8, Vec
 /// # Errors
 /// [`PlayerError::Read`], [`PlayerError::NotMcap`], or [`PlayerError::Damaged`] where there is no such file within.
 pub fn attachment(path: &Path, name: &str) -> Result<Vec<u8>, PlayerError> {
-    let mut scan = Scan::open(path)?;
+    let mut scan = Scan::open(path, Extent::Whole)?;
     loop {
         let found = scan.next(|record| match record {
             Record::Attachment { header, data, .. } if header.name == name => Some(data.to_vec()),

@@ -4,16 +4,21 @@
 //! when each is due. A file that was cut is read up to its last whole chunk; damaged and hostile files end in a clear
 //! error and never in a panic or a large allocation.
 
+mod beats;
+mod chunk;
 mod config;
 mod error;
 mod feed;
 mod foreign;
 mod info;
+mod key;
 mod message;
 mod node;
 mod recording;
+mod recover;
 mod scan;
 mod schedule;
+mod selection;
 
 #[cfg(test)]
 mod tests;
@@ -23,7 +28,10 @@ pub use error::PlayerError;
 pub use feed::{Feed, Next, PLAYED, Played};
 pub use foreign::{ForeignChannel, ForeignEnd, ForeignMessage, read_foreign};
 pub use info::{ChannelInfo, Info, attachment};
+pub use key::{Control, KEYS_SOCKET, Key};
 pub use message::Entry;
 pub use node::run;
 pub use recording::{Messages, Ordered};
+pub use recover::{Salvage, salvage};
 pub use schedule::Schedule;
+pub use selection::Selection;

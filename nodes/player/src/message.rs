@@ -1,16 +1,18 @@
 //! Channels of a recording back into topics, records back into messages.
 
 use crate::error::PlayerError;
+use crate::selection::Renamed;
 use foxglove::messages::RawImage;
 use mcap::records::{Channel, MessageHeader};
 use prost::Message as _;
 use sidestep_msgs::{
-    DEPTH, DEPTH_REST_BYTES, DEPTH_REST_CHANNEL, Header, LAYOUT_HASH_KEY, Message, RAW_ENCODING, Topic,
-    TopicRow, topic_named,
+    DEPTH, DEPTH_REST_BYTES, Header, LAYOUT_HASH_KEY, Message, RAW_ENCODING, Topic, TopicRow, topic_named,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// What the channel of the rest of a depth frame has after the name of its image's channel.
+const REST_SUFFIX: &str = "/raw";
 const HEADER_BYTES: usize = size_of::<Header>();
 
 /// One message of a recording, byte for byte as it was in shared memory.
@@ -61,17 +63,36 @@ enum Carries {
 /// Joins records to messages.
 #[derive(Default)]
 pub(crate) struct Decoder {
+    renamed: Renamed,
     channels: BTreeMap<u16, Carries>,
     /// Sequence and pixels of the newest image whose rest has not come yet.
     image: Option<(u32, Vec<u8>)>,
 }
 
 impl Decoder {
+    /// A decoder for which some channels have other names.
+    pub(crate) fn renaming(renamed: Renamed) -> Self {
+        Self { renamed, ..Self::default() }
+    }
+
+    /// The topic that a channel carries, and whether it carries only the rest of a depth frame; `None` where another
+    /// channel took that topic's name.
+    fn topic<'a>(&self, channel: &'a str) -> Option<(&'a str, bool)> {
+        if let Some(base) = channel.strip_suffix(REST_SUFFIX)
+            && self.renamed.name(base).is_none_or(|name| name == DEPTH.row().name)
+        {
+            return self.renamed.name(base).map(|name| (name, true));
+        }
+        self.renamed.name(channel).map(|name| (name, false))
+    }
+
     /// Learns a channel.
     pub(crate) fn channel(&mut self, channel: &Channel, path: &Path) -> Result<(), PlayerError> {
+        let Some((name, is_depth)) = self.topic(&channel.topic) else {
+            self.channels.insert(channel.id, Carries::Other);
+            return Ok(());
+        };
         let carries = if channel.message_encoding == RAW_ENCODING {
-            let is_depth = channel.topic == DEPTH_REST_CHANNEL;
-            let name = if is_depth { DEPTH.row().name } else { channel.topic.as_str() };
             let row = topic_named(name);
             let needed = row.map_or("no such topic".into(), |row| format!("{:016x}", row.layout_hash));
             let found = channel.metadata.get(LAYOUT_HASH_KEY).cloned().unwrap_or_default();
@@ -83,7 +104,7 @@ impl Decoder {
                     return Err(PlayerError::Layout { path, topic, found, needed });
                 }
             }
-        } else if channel.topic == DEPTH.row().name && channel.message_encoding == "protobuf" {
+        } else if name == DEPTH.row().name && channel.message_encoding == "protobuf" {
             Carries::DepthImage
         } else {
             Carries::Other
@@ -155,8 +176,8 @@ fn pixels(data: &[u8], path: &Path) -> Result<Vec<u8>, PlayerError> {
         PlayerError::damaged(path, format!("an image of depth cannot be decoded: {error}"))
     })?;
     let room = DEPTH.row().size - DEPTH_REST_BYTES;
-    let needed = 2 * u64::from(image.width) * u64::from(image.height);
-    if image.encoding != "16UC1" || image.data.len() as u64 != needed || image.data.len() > room {
+    let needed = 2 * u128::from(image.width) * u128::from(image.height);
+    if image.encoding != "16UC1" || image.data.len() as u128 != needed || image.data.len() > room {
         let (width, height, bytes) = (image.width, image.height, image.data.len());
         let detail = format!(
             "an image of depth is {width} x {height} {} in {bytes} bytes, needed 16UC1 of at most 640 x 480",

@@ -1,60 +1,36 @@
 //! Stands where camera and base driver stand: says the time and sends each recorded message when it is due.
 
-use crate::{Config, Entry, Feed, Next, PLAYED, PlayerError, Schedule};
+mod keys;
+mod lockstep;
+mod spouts;
+
+use crate::{Config, Control, Feed, Next, Schedule, Selection};
+use keys::Keys;
 use sidestep_bus::{Boot, Link, NodeError, Outbox, Step, host_ns};
-use sidestep_msgs::{CLOCK, DEPTH, Message, SCAN, Stage, TOPICS, Topic, TopicVisitor, visit_topics};
+use sidestep_msgs::{CLOCK, Clock};
+use spouts::{Spouts, is_frame, refused};
 
-/// An outbox of any topic that is played.
-trait Sink {
-    fn send(&mut self, step: &mut Step, entry: &Entry) -> Result<(), NodeError>;
-    fn next_sequence(&self) -> u64;
+/// Graph time of a playback, as it is told.
+struct Time {
+    schedule: Schedule,
+    control: Control,
+    clock: Outbox<Clock>,
 }
 
-struct Spout<M: Message> {
-    topic: Topic<M>,
-    outbox: Outbox<M>,
-}
-
-impl<M: Message> Sink for Spout<M> {
-    fn send(&mut self, step: &mut Step, entry: &Entry) -> Result<(), NodeError> {
-        self.outbox.send(step, |message| {
-            entry.read_into(self.topic, message);
-        })
+impl Time {
+    fn say(&mut self, step: &mut Step) -> Result<(), NodeError> {
+        self.clock.send(step, |word| *word = self.schedule.clock(host_ns()))
     }
 
-    fn next_sequence(&self) -> u64 {
-        self.outbox.next_sequence()
-    }
-}
-
-/// Opens an outbox per topic that is played.
-struct Spouts<'a> {
-    link: &'a Link,
-    sinks: Vec<Option<Box<dyn Sink>>>,
-}
-
-impl TopicVisitor for Spouts<'_> {
-    type Error = NodeError;
-
-    fn visit<M: Message>(&mut self, topic: Topic<M>) -> Result<(), NodeError> {
-        let sink: Option<Box<dyn Sink>> = if PLAYED.contains(&topic.index) {
-            Some(Box::new(Spout { topic, outbox: self.link.outbox(topic)? }))
-        } else {
-            None
-        };
-        self.sinks.push(sink);
+    fn press(&mut self, keys: &Keys, step: &mut Step) -> Result<(), NodeError> {
+        for key in keys.pressed() {
+            if let Some(told) = self.control.take(key, &mut self.schedule, host_ns()) {
+                eprintln!("{told}");
+                self.say(step)?;
+            }
+        }
         Ok(())
     }
-}
-
-/// A recording that cannot be played will not be playable after a restart either.
-fn refused(error: &PlayerError) -> NodeError {
-    NodeError::Configuration(error.to_string())
-}
-
-/// Whether a message is a frame, to which the stages that follow refer.
-fn is_frame(topic: usize) -> bool {
-    topic == DEPTH.index || topic == SCAN.index
 }
 
 /// Plays the recording of the configuration into the graph, open loop, and ends with it.
@@ -64,49 +40,60 @@ fn is_frame(topic: usize) -> bool {
 pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let config: Config = boot.config()?;
     config.check().map_err(NodeError::Configuration)?;
-    let mut schedule = Schedule::new(config.rate).map_err(|error| refused(&error))?;
-    let feed = Feed::start(&config.file, config.start_offset_ns(), config.repeat);
-    let mut feed = feed.map_err(|error| refused(&error))?;
-
+    let selection = Selection::of(&config).map_err(NodeError::Configuration)?;
+    let schedule = Schedule::new(config.rate).map_err(|error| refused(&error))?;
+    let feed = Feed::start(&config.file, &selection, config.repeat).map_err(|error| refused(&error))?;
     let mut link = Link::open(boot)?;
-    let mut clock = link.outbox(CLOCK)?;
-    let mut spouts = Spouts { link: &link, sinks: Vec::with_capacity(TOPICS.len()) };
-    visit_topics(&mut spouts)?;
-    let mut sinks = spouts.sinks;
+    if boot.is_lockstep()? {
+        return lockstep::run(link, boot, feed, config.paused);
+    }
+    let control = Control { paused: config.paused, stepping: false };
+    let time = Time { schedule, control, clock: link.outbox(CLOCK)? };
     // The node's own word of time wakes it, as it wakes everybody else.
     link.wake_on(CLOCK)?;
+    play(link, boot, feed, time)
+}
+
+fn play(link: Link, boot: &Boot, mut feed: Feed, mut time: Time) -> Result<(), NodeError> {
+    let mut spouts = Spouts::open(&link)?;
+    let keys = Keys::listen(boot)?;
     let mut jumping = false;
     link.run_while(|step| {
+        time.press(&keys, step)?;
         while let Some(next) = feed.peek().map_err(|error| refused(&error))? {
-            match next {
-                Next::Jump => {
-                    jumping = true;
-                    feed.take();
+            let Next::Message(entry) = next else {
+                jumping = true;
+                feed.take();
+                continue;
+            };
+            let now_ns = entry.header.now_ns;
+            if jumping {
+                jumping = false;
+                time.schedule.jump(now_ns, host_ns());
+                if time.control.paused {
+                    time.schedule.pause(host_ns());
                 }
-                Next::Message(entry) if jumping => {
-                    jumping = false;
-                    schedule.jump(entry.header.now_ns, host_ns());
-                    clock.send(step, |word| *word = schedule.clock(host_ns()))?;
-                    return Ok(true);
+                time.say(step)?;
+                return Ok(true);
+            }
+            if time.control.stepping {
+                // Graph time stands at the frame that is shown, and goes there with all that comes before it.
+                time.schedule.stand_at(now_ns);
+                step.set_now(now_ns);
+                if is_frame(entry.topic) {
+                    time.control.stepping = false;
+                    time.say(step)?;
                 }
-                Next::Message(entry) if host_ns() < schedule.due_host_ns(entry.header.now_ns) => {
-                    step.wake_at(entry.header.now_ns);
-                    return Ok(true);
-                }
-                Next::Message(entry) => {
-                    let topic = entry.topic;
-                    let Some(sink) = &mut sinks[topic] else { continue };
-                    if is_frame(topic) {
-                        step.originate(sink.next_sequence(), Stage::Depth);
-                    }
-                    sink.send(step, entry)?;
-                    feed.take();
-                    if is_frame(topic) {
-                        // What follows is not about this frame: it belongs to the next step.
-                        step.wake_at(0);
-                        return Ok(true);
-                    }
-                }
+            } else if time.schedule.due_host_ns(now_ns).is_none_or(|due_ns| host_ns() < due_ns) {
+                step.wake_at(now_ns);
+                return Ok(true);
+            }
+            let frame = spouts.send(step, entry)?;
+            feed.take();
+            if frame.is_some() {
+                // What follows is not about this frame: it belongs to the next step.
+                step.wake_at(0);
+                return Ok(true);
             }
         }
         Ok(false)

@@ -2,7 +2,8 @@
 
 use crate::error::PlayerError;
 use crate::message::{Decoder, Entry};
-use crate::scan::Scan;
+use crate::scan::{Extent, Scan};
+use crate::selection::Renamed;
 use mcap::records::Record;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,6 +11,10 @@ use std::path::Path;
 
 /// `[ns]` messages that the recorder received within this span of each other are brought into order.
 const ORDER_WINDOW_NS: u64 = 1_000_000_000;
+/// `[byte]` messages held to be brought into order: more within a second is no recording, and memory stays bounded.
+const HELD_BYTES_MAX: usize = 256 << 20;
+/// Names of foreign channels that an error lists.
+const NAMES_MOST: usize = 12;
 
 /// Messages in the order in which the recorder received them.
 pub struct Messages {
@@ -31,7 +36,12 @@ impl Messages {
     /// # Errors
     /// [`PlayerError::Read`] or [`PlayerError::NotMcap`].
     pub fn open(path: &Path) -> Result<Self, PlayerError> {
-        let (scan, decoder) = (Scan::open(path)?, Decoder::default());
+        Self::renaming(path, Renamed::default())
+    }
+
+    /// As [`Messages::open`], with other names for some channels.
+    pub(crate) fn renaming(path: &Path, renamed: Renamed) -> Result<Self, PlayerError> {
+        let (scan, decoder) = (Scan::open(path, Extent::Data)?, Decoder::renaming(renamed));
         Ok(Self { scan, decoder, failed: false, other_channels: Vec::new() })
     }
 
@@ -46,7 +56,9 @@ impl Messages {
         let (decoder, others) = (&mut self.decoder, &mut self.other_channels);
         let outcome = self.scan.next(|record| match record {
             Record::Channel(channel) => {
-                others.push(channel.topic.clone());
+                if others.len() < NAMES_MOST && !others.contains(&channel.topic) {
+                    others.push(channel.topic.clone());
+                }
                 decoder.channel(channel, &path).map(|()| None)
             }
             Record::Message { header, data } => decoder.message(header, data, &path),
@@ -123,8 +135,13 @@ impl Ord for Placed {
 pub struct Ordered {
     messages: Messages,
     held: BinaryHeap<Reverse<Placed>>,
+    held_bytes: usize,
     newest_ns: u64,
     ended: bool,
+}
+
+fn held_bytes(entry: &Entry) -> usize {
+    size_of::<Placed>() + entry.message.len()
 }
 
 impl std::fmt::Debug for Placed {
@@ -139,8 +156,16 @@ impl Ordered {
     /// # Errors
     /// As [`Messages::open`].
     pub fn open(path: &Path) -> Result<Self, PlayerError> {
-        let messages = Messages::open(path)?;
-        Ok(Self { messages, held: BinaryHeap::new(), newest_ns: 0, ended: false })
+        Self::of(Messages::open(path)?)
+    }
+
+    /// As [`Ordered::open`], with other names for some channels.
+    pub(crate) fn renaming(path: &Path, renamed: Renamed) -> Result<Self, PlayerError> {
+        Self::of(Messages::renaming(path, renamed)?)
+    }
+
+    fn of(messages: Messages) -> Result<Self, PlayerError> {
+        Ok(Self { messages, held: BinaryHeap::new(), held_bytes: 0, newest_ns: 0, ended: false })
     }
 
     /// As [`Messages::damage`].
@@ -157,12 +182,15 @@ impl Iterator for Ordered {
         loop {
             let first_logged_ns = self.held.peek().map(|Reverse(Placed(_, entry))| entry.logged_ns);
             let ripe = |logged_ns: u64| logged_ns.saturating_add(ORDER_WINDOW_NS) < self.newest_ns;
-            if first_logged_ns.is_some_and(ripe) || self.ended {
-                return self.held.pop().map(|Reverse(Placed(_, entry))| Ok(entry));
+            if first_logged_ns.is_some_and(ripe) || self.ended || self.held_bytes > HELD_BYTES_MAX {
+                let Reverse(Placed(_, entry)) = self.held.pop()?;
+                self.held_bytes -= held_bytes(&entry);
+                return Some(Ok(entry));
             }
             match self.messages.next() {
                 Some(Ok(entry)) => {
                     self.newest_ns = self.newest_ns.max(entry.logged_ns);
+                    self.held_bytes += held_bytes(&entry);
                     self.held.push(Reverse(Placed::new(entry)));
                 }
                 Some(Err(error)) => return Some(Err(error)),

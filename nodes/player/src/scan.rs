@@ -1,101 +1,297 @@
 //! MCAP records one after the other, from a file that may be cut, damaged or hostile.
+//!
+//! The framing of records is read here, so that no length is believed before its bytes are there; what a chunk holds is
+//! unpacked by the library, within bounds that are checked before.
 
+use crate::chunk::Chunk;
 use crate::error::PlayerError;
-use mcap::McapError;
-use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::{Record, op};
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// `[byte]` no record or chunk of a recording is larger: a file that claims more is damaged, and memory stays bounded.
-const RECORD_BYTES_MAX: usize = 64 << 20;
+pub(crate) const RECORD_BYTES_MAX: u64 = 64 << 20;
 /// First and last bytes of a complete file.
 pub(crate) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+/// `[byte]` code and length before each record.
+const HEAD_BYTES: u64 = 9;
+const CUT: &str = "the file ends in the middle, as after a kill or a full disk";
+const NO_END: &str = "the end mark is missing, as after a kill or a full disk";
+
+/// How far a scan goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Extent {
+    /// The data: what was recorded, up to the first damage.
+    Data,
+    /// Every record, the summary after the data too, up to the first damage.
+    Whole,
+    /// Every record, passing over chunks and records of the data that cannot be read, and into a chunk that was cut.
+    Salvage,
+}
 
 /// Reads records in the order of the file.
 pub(crate) struct Scan {
-    file: File,
-    reader: LinearReader,
+    file: BufReader<File>,
     path: PathBuf,
+    extent: Extent,
+    /// Body of the record in work.
+    body: Vec<u8>,
+    chunk: Option<Chunk>,
+    /// `[byte]` where the next record of the file begins.
+    offset: u64,
+    after_data: bool,
+    after_footer: bool,
     ended: bool,
+    complete: bool,
     damage: Option<String>,
+    passed_over: u64,
+}
+
+/// What stands at a place of the file.
+enum Frame {
+    Record(u8),
+    /// The file ends between two records.
+    End,
+    /// The file ends within a record of this code and length, whose first bytes are there.
+    Cut(u8, u64),
+    TooLarge(u64),
+}
+
+/// The first bytes of a file that is no MCAP file, and what to do with it.
+fn foreign(first: &[u8]) -> (String, &'static str) {
+    if first.starts_with(b"#ROSBAG") {
+        return ("a ROS 1 bag".into(), "convert it with `mcap convert`");
+    }
+    if first.starts_with(b"SQLite ") {
+        return (
+            "an SQLite file, as of a ROS 2 bag before Iron".into(),
+            "convert it with `ros2 bag convert` or `mcap convert`",
+        );
+    }
+    let bytes: Vec<_> = first.iter().map(|byte| format!("{byte:02x}")).collect();
+    let found =
+        if bytes.is_empty() { "it is empty".into() } else { format!("it begins {}", bytes.join(" ")) };
+    (found, "give a file made by sidestep")
 }
 
 impl Scan {
-    pub(crate) fn open(path: &Path) -> Result<Self, PlayerError> {
-        let mut file = File::open(path).map_err(|source| PlayerError::read(path, source))?;
+    pub(crate) fn open(path: &Path, extent: Extent) -> Result<Self, PlayerError> {
+        let fault = |source| PlayerError::read(path, source);
+        let mut file = BufReader::new(File::open(path).map_err(fault)?);
         let mut first = Vec::new();
-        let read = file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut first);
-        read.map_err(|source| PlayerError::read(path, source))?;
+        file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut first).map_err(fault)?;
         if first != MAGIC {
-            let found = first.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ");
-            return Err(PlayerError::NotMcap { path: path.to_path_buf(), found });
+            let (found, remedy) = foreign(&first);
+            return Err(PlayerError::NotMcap { path: path.to_path_buf(), found, remedy });
         }
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(RECORD_BYTES_MAX);
-        let reader = LinearReader::new_with_options(options);
-        Ok(Self { file, reader, path: path.to_path_buf(), ended: false, damage: None })
+        Ok(Self {
+            file,
+            path: path.to_path_buf(),
+            extent,
+            body: Vec::new(),
+            chunk: None,
+            offset: MAGIC.len() as u64,
+            after_data: false,
+            after_footer: false,
+            ended: false,
+            complete: false,
+            damage: None,
+            passed_over: 0,
+        })
+    }
+
+    /// Goes on at `offset`, where a record must begin.
+    pub(crate) fn seek(&mut self, offset: u64) -> Result<(), PlayerError> {
+        self.file.seek(SeekFrom::Start(offset)).map_err(|source| PlayerError::read(&self.path, source))?;
+        self.offset = offset;
+        Ok(())
     }
 
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where the file ends early, after everything before it was read.
+    /// Where the file ends early, after everything before it was read; the first of several damages.
     pub(crate) fn damage(&self) -> Option<&str> {
         self.damage.as_deref()
     }
 
-    /// Shows the next record to `look`; `None` at the end of the data or at the first damage.
+    /// Whether all data was passed: what may follow is an index of it.
+    pub(crate) fn is_after_data(&self) -> bool {
+        self.after_data
+    }
+
+    /// Whether the end of what was to be read was reached: of the data, else of the file.
+    pub(crate) fn is_complete(&self) -> bool {
+        self.complete
+    }
+
+    /// `[byte]` where the next record of the file begins; at the end of a cut file, its last readable place.
+    pub(crate) fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Chunks and records passed over, with [`Extent::Salvage`].
+    pub(crate) fn passed_over(&self) -> u64 {
+        self.passed_over
+    }
+
+    /// Whether the record shown last came from a chunk that was cut, whose sum nobody can check.
+    pub(crate) fn is_unverified(&self) -> bool {
+        self.chunk.as_ref().is_some_and(Chunk::is_cut)
+    }
+
+    /// Shows the next record to `look`; `None` at the end or at the first damage.
     pub(crate) fn next<T>(&mut self, look: impl FnOnce(&Record) -> T) -> Option<Result<T, PlayerError>> {
+        let mut look = Some(look);
         while !self.ended {
-            match self.reader.next_event() {
-                None => self.ended = true,
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    match read_some(&mut self.file, &mut self.reader, wanted) {
-                        Ok(()) => {}
-                        Err(source) => {
-                            self.ended = true;
-                            return Some(Err(PlayerError::read(&self.path, source)));
-                        }
+            if let Some(chunk) = &mut self.chunk {
+                // At most one record is looked at: `look` stays here until then.
+                let place = &mut look;
+                let span_ns = chunk.is_cut().then(|| chunk.span_ns());
+                let shown = chunk.next(|opcode, data| {
+                    let record = parse(opcode, data)?;
+                    if let (Some(span_ns), Record::Message { header, .. }) = (&span_ns, &record)
+                        && !span_ns.contains(&header.log_time)
+                    {
+                        return Err(CUT.to_owned());
+                    }
+                    Ok(place.take().map(|look| look(&record)))
+                });
+                match shown {
+                    Some(Ok(Ok(Some(value)))) => return Some(Ok(value)),
+                    Some(Ok(Err(detail)) | Err(detail)) => self.leave_chunk(Some(detail)),
+                    Some(Ok(Ok(None))) | None => self.leave_chunk(None),
+                }
+                continue;
+            }
+            if self.after_footer {
+                return self.end_mark().err().map(Err);
+            }
+            match self.frame() {
+                Ok(Frame::Record(op::CHUNK)) => self.enter_chunk(self.body.len() as u64),
+                Ok(Frame::Record(opcode)) => {
+                    self.turn(opcode);
+                    if self.ended {
+                        continue;
+                    }
+                    let body = std::mem::take(&mut self.body);
+                    let shown = parse(opcode, &body).map(|record| look.take().map(|look| look(&record)));
+                    self.body = body;
+                    match shown {
+                        Ok(value) => return value.map(Ok),
+                        Err(detail) => self.stop(detail, true),
                     }
                 }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    match mcap::parse_record(opcode, data) {
-                        Ok(Record::DataEnd(_)) => self.ended = true,
-                        Ok(record) => return Some(Ok(look(&record))),
-                        Err(error) => self.stop(&error),
-                    }
+                Ok(Frame::End) => self.stop(NO_END.into(), false),
+                Ok(Frame::Cut(op::CHUNK, length)) if self.extent == Extent::Salvage => {
+                    self.enter_chunk(length);
                 }
-                Some(Err(error)) => self.stop(&error),
+                Ok(Frame::Cut(..)) => self.stop(CUT.into(), false),
+                Ok(Frame::TooLarge(length)) => {
+                    let detail =
+                        format!("a record claims {length} bytes, at most {RECORD_BYTES_MAX} are read");
+                    self.stop(detail, false);
+                }
+                Err(source) => {
+                    self.ended = true;
+                    return Some(Err(PlayerError::read(&self.path, source)));
+                }
             }
         }
         None
     }
 
-    fn stop(&mut self, error: &McapError) {
+    /// Reads the next record of the file into `body`, as far as it is there.
+    fn frame(&mut self) -> std::io::Result<Frame> {
+        self.body.clear();
+        let got = self.file.by_ref().take(HEAD_BYTES).read_to_end(&mut self.body)? as u64;
+        if got == 0 {
+            return Ok(Frame::End);
+        }
+        let opcode = self.body[0];
+        if got < HEAD_BYTES {
+            return Ok(Frame::Cut(0, 0));
+        }
+        let length = self.body[1..].iter().rev().fold(0, |sum, &byte| sum << 8 | u64::from(byte));
+        if length > RECORD_BYTES_MAX {
+            return Ok(Frame::TooLarge(length));
+        }
+        self.body.clear();
+        // Grows with what is read: a length without bytes costs nothing.
+        let got = self.file.by_ref().take(length).read_to_end(&mut self.body)? as u64;
+        if got < length {
+            return Ok(Frame::Cut(opcode, length));
+        }
+        self.offset += HEAD_BYTES + length;
+        Ok(Frame::Record(opcode))
+    }
+
+    /// Takes note of the records that end something.
+    fn turn(&mut self, opcode: u8) {
+        let ends = matches!(opcode, op::DATA_END | op::FOOTER);
+        self.after_data |= ends;
+        if ends && self.extent == Extent::Data {
+            (self.ended, self.complete) = (true, true);
+        }
+        self.after_footer |= opcode == op::FOOTER;
+    }
+
+    fn end_mark(&mut self) -> Result<(), PlayerError> {
         self.ended = true;
-        self.damage = Some(match error {
-            McapError::UnexpectedEof => "the file ends in the middle, as after a kill or a full disk".into(),
-            other => other.to_string(),
-        });
+        let mut last = Vec::new();
+        let read = self.file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut last);
+        read.map_err(|source| PlayerError::read(&self.path, source))?;
+        self.complete = last == MAGIC && self.damage.is_none();
+        if last != MAGIC {
+            self.stop(NO_END.into(), false);
+        }
+        Ok(())
+    }
+
+    fn enter_chunk(&mut self, length: u64) {
+        match Chunk::open(&self.body, length) {
+            Ok(chunk) => self.chunk = Some(chunk),
+            Err(detail) => self.stop(detail, (self.body.len() as u64) == length),
+        }
+    }
+
+    fn leave_chunk(&mut self, damage: Option<String>) {
+        let cut = self.is_unverified();
+        self.chunk = None;
+        match damage {
+            _ if cut => self.stop(CUT.into(), false),
+            Some(detail) => self.stop(detail, true),
+            None => {}
+        }
+    }
+
+    /// Ends at a damage, or goes on behind it where the place of the next record is known and that is wished.
+    fn stop(&mut self, detail: String, can_go_on: bool) {
+        self.damage.get_or_insert(detail);
+        let goes_on = can_go_on && self.extent == Extent::Salvage && !self.after_data;
+        self.passed_over += u64::from(goes_on);
+        self.ended = !goes_on;
     }
 }
 
-/// Hands the reader at most `wanted` further bytes.
-fn read_some(file: &mut File, reader: &mut LinearReader, wanted: usize) -> std::io::Result<()> {
-    loop {
-        match file.read(reader.insert(wanted.min(RECORD_BYTES_MAX))) {
-            Ok(count) => {
-                reader.notify_read(count);
-                return Ok(());
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
+/// Whether an attachment is as long as its own lengths say; the library trusts them.
+fn is_whole_attachment(body: &[u8]) -> bool {
+    let text = |rest: &mut &[u8]| -> Option<()> {
+        let (length, after) = rest.split_first_chunk::<4>()?;
+        *rest = after.get(u32::from_le_bytes(*length) as usize..)?;
+        Some(())
+    };
+    let mut rest = body.get(16..).unwrap_or_default();
+    // Name, media type; then the length of the data, the data, and their sum.
+    text(&mut rest).and_then(|()| text(&mut rest)).is_some() && rest.len() >= 12
+}
+
+/// A record from its bytes.
+pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
+    if opcode == op::ATTACHMENT && !is_whole_attachment(body) {
+        return Err("an attachment is shorter than it says".into());
     }
+    mcap::parse_record(opcode, body).map_err(|error| error.to_string())
 }

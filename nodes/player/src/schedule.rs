@@ -10,7 +10,13 @@ pub struct Schedule {
     graph0_ns: u64,
     host0_ns: u64,
     epoch: u32,
+    paused: bool,
 }
+
+/// `[1]` the slowest playback.
+const RATE_LEAST: f64 = 0.01;
+/// `[1]` the fastest.
+const RATE_MOST: f64 = 100.0;
 
 impl Schedule {
     /// A playback that runs `rate` graph seconds per host second and begins when [`Schedule::jump`] says.
@@ -18,12 +24,12 @@ impl Schedule {
     /// # Errors
     /// [`PlayerError::Setting`] for a rate outside (0, 100].
     pub fn new(rate: f64) -> Result<Self, PlayerError> {
-        let fits = rate > 0.0 && rate <= 100.0;
+        let fits = rate > 0.0 && rate <= RATE_MOST;
         if !fits {
             let needed = "more than 0, at most 100";
             return Err(PlayerError::Setting { key: "rate", found: rate, needed });
         }
-        Ok(Self { rate, graph0_ns: 0, host0_ns: 0, epoch: 0 })
+        Ok(Self { rate, graph0_ns: 0, host0_ns: 0, epoch: 0, paused: false })
     }
 
     /// Begins, loops or seeks: graph time is `graph_ns` at host time `host_ns`, in a new epoch.
@@ -33,11 +39,40 @@ impl Schedule {
         self.epoch += 1;
     }
 
-    /// `[ns]` host time at which a message of graph time `stamp_ns` is due.
+    /// Graph time stands from now on.
+    pub fn pause(&mut self, host_ns: u64) {
+        self.rebase(host_ns);
+        self.paused = true;
+    }
+
+    /// Graph time goes on from where it stood.
+    pub fn resume(&mut self, host_ns: u64) {
+        self.rebase(host_ns);
+        self.paused = false;
+    }
+
+    /// While paused: graph time stands at another time, that of the frame that is shown.
+    pub fn stand_at(&mut self, graph_ns: u64) {
+        self.graph0_ns = graph_ns;
+    }
+
+    /// Changes the rate by a factor from now on; the rate that it has then.
+    pub fn change_rate(&mut self, factor: f64, host_ns: u64) -> f64 {
+        self.rebase(host_ns);
+        self.rate = (self.rate * factor).clamp(RATE_LEAST.min(self.rate), RATE_MOST);
+        self.rate
+    }
+
+    fn rebase(&mut self, host_ns: u64) {
+        self.graph0_ns = self.clock(host_ns).graph_ns;
+        self.host0_ns = host_ns;
+    }
+
+    /// `[ns]` host time at which a message of graph time `stamp_ns` is due; `None` while paused.
     #[must_use]
-    pub fn due_host_ns(&self, stamp_ns: u64) -> u64 {
+    pub fn due_host_ns(&self, stamp_ns: u64) -> Option<u64> {
         let passed_ns = stamp_ns.saturating_sub(self.graph0_ns) as f64 / self.rate;
-        self.host0_ns.saturating_add(passed_ns as u64)
+        (!self.paused).then_some(self.host0_ns.saturating_add(passed_ns as u64))
     }
 
     /// What every node is told about time.
@@ -50,7 +85,7 @@ impl Schedule {
             rate: self.rate,
             mode: ClockMode::Playback as u32,
             epoch: self.epoch,
-            paused: 0,
+            paused: u32::from(self.paused),
             open_loop: 1,
         };
         Clock { graph_ns: clock.graph_ns_at(host_ns), ..clock }
@@ -69,7 +104,7 @@ mod tests {
             let mut schedule = Schedule::new(rate).unwrap();
             schedule.jump(500 * SECOND_NS, 7 * SECOND_NS);
             let stamp_ns = 512 * SECOND_NS;
-            let due_ns = schedule.due_host_ns(stamp_ns);
+            let due_ns = schedule.due_host_ns(stamp_ns).unwrap();
             let reached_ns = schedule.clock(due_ns).graph_ns;
             assert!(stamp_ns.abs_diff(reached_ns) <= 100, "rate {rate}: {reached_ns}");
         }

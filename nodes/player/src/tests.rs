@@ -1,6 +1,10 @@
 //! What the recorder wrote, the player reads: exactly, in order, and as far as a damaged file goes.
 
-use crate::{Entry, Feed, Info, Messages, Next, Ordered, Played, PlayerError, attachment};
+mod conformance;
+mod hostile;
+mod recovery;
+
+use crate::{Entry, Feed, Info, Messages, Next, Ordered, Played, PlayerError, Selection, attachment};
 use sidestep_msgs::{DEPTH, DEPTH_REST_BYTES, DepthFrame, Header, Message, TOPICS, TopicRow, topic_named};
 use sidestep_recorder::{Origin, Writer};
 use std::collections::BTreeMap;
@@ -274,39 +278,6 @@ fn a_recording_of_another_layout_is_refused_with_found_and_needed() {
     assert!(error.contains("0123456789abcdef") && error.contains(&needed), "{error}");
 }
 
-/// Foreign files of the data folder: rosbag2, conformance suite, files of other programs.
-#[test]
-fn foreign_files_are_described_but_not_played() {
-    let Ok(data) = std::env::var("SIDESTEP_DATA") else {
-        println!("skipped: SIDESTEP_DATA is not set (foreign MCAP files)");
-        return;
-    };
-    let mut folders: Vec<_> = ["mcap_conformance", "mcap_lichtblick", "mcap_rosbag2", "mcap_rust_crate"]
-        .iter()
-        .map(|name| PathBuf::from(&data).join(name))
-        .collect();
-    let mut files = 0;
-    while let Some(folder) = folders.pop() {
-        for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|end| end == "mcap") {
-                files += 1;
-                let described = Info::read(&path).map(|info| info.text());
-                assert!(described.is_ok(), "{described:?}");
-                let outcome = Messages::open(&path).unwrap().find_map(Result::err);
-                assert!(
-                    outcome.is_none_or(|error| matches!(error, PlayerError::Foreign { .. })),
-                    "{}",
-                    path.display()
-                );
-            }
-        }
-    }
-    println!("{files} foreign files");
-    assert!(files > 3);
-}
-
 #[test]
 fn playback_gives_the_drivers_topics_from_the_start_and_the_path_that_held_there() {
     let row = |name| topic_named(name).unwrap();
@@ -323,12 +294,16 @@ fn playback_gives_the_drivers_topics_from_the_start_and_the_path_that_held_there
     ];
     let file = Scratch::new("played", &record(&made, &[]));
     let from = |offset_ns| -> Vec<_> {
-        let played = Played::open(&file.0, offset_ns).unwrap().map(Result::unwrap);
+        let played =
+            Played::open(&file.0, &Selection::part(offset_ns, u64::MAX)).unwrap().map(Result::unwrap);
         played.map(|entry| (entry.row().name, entry.header.sequence, entry.header.now_ns)).collect()
     };
     assert_eq!(from(60), [("path", 2, 160), ("odometry", 2, 160), ("odometry", 3, 180)]);
     assert_eq!(from(0).len(), 5);
-    let mut feed = Feed::start(&file.0, 60, true).unwrap();
+    let short: Vec<_> =
+        Played::open(&file.0, &Selection::part(20, 40)).unwrap().map(Result::unwrap).collect();
+    assert_eq!(short.iter().map(|entry| entry.header.now_ns).collect::<Vec<_>>(), [120, 120]);
+    let mut feed = Feed::start(&file.0, &Selection::part(60, u64::MAX), true).unwrap();
     let mut jumps = 0;
     for _ in 0..12 {
         feed.peek().unwrap().unwrap();

@@ -6,6 +6,7 @@
 
 mod black_box;
 mod config;
+mod copying;
 mod depth;
 mod error;
 mod file;
@@ -27,6 +28,7 @@ mod view;
 mod writer;
 
 pub use config::Config;
+pub use copying::Copying;
 pub use error::RecordError;
 pub use file::DiskFile;
 pub use files::Files;

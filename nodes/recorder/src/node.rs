@@ -2,20 +2,19 @@
 
 mod beside;
 mod taps;
+mod voice;
 
 pub use beside::record_beside;
 
 use crate::{
     Config, Fan, Files, Origin, Progress, Queue, QueueRoom, RecordError, ViewSettings, kernel_class,
 };
-use sidestep_bus::{Boot, Link, NodeError, Outbox, Step, host_ns, wall_ns};
+use sidestep_bus::{Bookmark, Boot, Link, NodeError, Step, host_ns, wall_ns};
 use sidestep_msgs::{COMMAND, RECORDING, Recording};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use taps::Taps;
-
-/// `[s]` the black box speaks of its growth in steps of this size: each word makes other nodes say their state.
-const HELD_STEP_S: f32 = 10.0;
+use voice::{Voice, mark};
 
 fn lost(error: &RecordError) -> NodeError {
     NodeError::Lost(error.to_string())
@@ -53,33 +52,6 @@ fn origin(
     })
 }
 
-/// Says on `recording` what has changed.
-struct Voice {
-    outbox: Outbox<Recording>,
-    progress: Arc<Progress>,
-    said: Recording,
-    /// The file in the run's folder that names the newest snapshot.
-    word: PathBuf,
-}
-
-impl Voice {
-    fn tell(&mut self, step: &mut Step) -> Result<(), NodeError> {
-        let (snapshots, snapshot_token, path) = self.progress.snapshots();
-        let held_s = self.progress.held_s();
-        let now = Recording { files: self.progress.files(), snapshots, snapshot_token, held_s, _pad: 0 };
-        let grown = !step.is_lockstep() && (held_s - self.said.held_s).abs() >= HELD_STEP_S;
-        if !grown && now == (Recording { held_s, ..self.said }) {
-            return Ok(());
-        }
-        if let Some(path) = path.filter(|_| snapshots != self.said.snapshots) {
-            let _ = std::fs::write(&self.word, path.display().to_string());
-            eprintln!("snapshot: {}", path.display());
-        }
-        self.said = now;
-        self.outbox.send(step, |recording| *recording = now)
-    }
-}
-
 /// Starts the writer thread in a folder.
 fn start(config: &Config, origin: Origin) -> Result<(Queue, Arc<Progress>, PathBuf), NodeError> {
     let filter = config.filter().map_err(NodeError::Configuration)?;
@@ -109,8 +81,10 @@ pub fn run(boot: &Boot, fan: Option<Fan>) -> Result<(), NodeError> {
     let mut voice = Voice { outbox, progress, said, word: boot.domain.root.join("snapshot") };
     // Not woken by the frame itself: whoever turns it into a command goes first, and the rings hold it meanwhile.
     link.wake_on(COMMAND)?;
+    let bookmark = boot.is_lockstep()?.then(|| Bookmark::write(boot));
     link.run(|step| {
         taps.drain(step, &mut queue)?;
+        bookmark.iter().for_each(|bookmark| mark(bookmark, step, &queue));
         voice.tell(step)
     })?;
     // What was sent while this node was asked to stop.

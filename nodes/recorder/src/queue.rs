@@ -241,6 +241,13 @@ impl Queue {
         self.lost.now()
     }
 
+    /// Whether at least a third of the room is free, or nothing is written any more: for a driver that can wait.
+    #[must_use]
+    pub fn has_room(&self) -> bool {
+        let free = |(_, pool): &Free| pool.len() >= pool.capacity().unwrap_or(0) / 3;
+        self.has_failed() || free(&self.small) && free(&self.large)
+    }
+
     /// Whether a write failed, so that all further messages are lost.
     #[must_use]
     pub fn has_failed(&self) -> bool {

@@ -26,7 +26,7 @@ pub struct Config {
     pub brake_part: f64,
     /// `[1/min]` `[0, 60]` slips of the wheels, 0.3 s each.
     pub slips_per_min: f64,
-    /// `[1]` `[0.1, 1000]` most graph seconds per host second in lockstep: a recorder must keep up.
+    /// `[1]` `[0.1, 1000]` most graph seconds per host second in lockstep, to watch it; the recorder is waited for.
     pub lockstep_rate_most: f64,
     /// `[m, m, rad]` start in the world; without it, the world's own.
     pub start: Option<[f64; 3]>,
@@ -62,7 +62,7 @@ impl Default for Config {
             dead_time_part: 0.5,
             brake_part: 0.1,
             slips_per_min: 0.0,
-            lockstep_rate_most: 2.0,
+            lockstep_rate_most: 1000.0,
             start: None,
         }
     }

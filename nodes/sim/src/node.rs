@@ -1,6 +1,5 @@
 //! The simulator in the graph: it publishes what a robot's drivers would, in real time or in lockstep.
 
-mod answers;
 mod lockstep;
 mod topics;
 

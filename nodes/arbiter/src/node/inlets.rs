@@ -50,8 +50,13 @@ impl Inlets {
     /// Hands over what came; whether a new frame of the lead is to be answered: in lockstep, with map and both proposals.
     pub(super) fn take(&mut self, step: &mut Step, arbiter: &mut Arbiter) -> Result<bool, NodeError> {
         let lead = if self.policy_leads { &self.policy } else { &self.expert };
-        if !step.is_tick() && !step.is_lockstep() && !lead.has_news()? {
-            // Left for the next tick: what a step took must be countable from its header.
+        let on_the_way = || {
+            Ok::<_, NodeError>(self.maps.has_news()? || self.policy.has_news()? || self.expert.has_news()?)
+        };
+        let news = if step.is_lockstep() { on_the_way()? } else { lead.has_news()? };
+        if !step.is_tick() && !news {
+            // Left for the next tick: what a step took must be countable from its header, and in lockstep not depend on when
+            // a heartbeat woke it.
             return Ok(false);
         }
         self.odometry.newest(step)?.inspect(|message| arbiter.odometry(message, message.header()));
