@@ -10,6 +10,7 @@
 mod candidates;
 mod config;
 mod expert;
+mod judge;
 mod node;
 mod pairing;
 mod planner;
@@ -24,6 +25,7 @@ mod tests;
 pub use candidates::{PIECE_STEPS, PIECES};
 pub use config::{Config, ConfigError, Lead, Weights};
 pub use expert::Expert;
+pub use judge::Judge;
 pub use node::run;
 pub use planner::{Mode, Plan, Planner};
 pub use problem::{HORIZON_STEPS, STEP_S, UNKNOWN_COST};
