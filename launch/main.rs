@@ -1,6 +1,7 @@
 //! The one binary of sidestep: command line, launcher, and every node of the graph.
 
 mod child;
+mod compare;
 mod failure;
 mod interface;
 mod learning;
@@ -117,6 +118,8 @@ enum Commands {
         #[arg(long)]
         gate_latency: bool,
     },
+    /// Compares policy and expert of a recording, or the policies of two.
+    Compare(compare::CompareArguments),
     /// Makes or describes a data set.
     Dataset {
         #[command(subcommand)]
@@ -282,6 +285,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Latency { file, json, trace, gate_latency } => {
             recordings::latency(&file, json.as_deref(), trace.as_deref(), gate_latency)
         }
+        Commands::Compare(arguments) => compare::compare(arguments),
         Commands::Dataset { command } => learning::dataset(command),
         Commands::Train(arguments) => learning::train(arguments),
         Commands::Evaluate(arguments) => learning::evaluate(arguments),

@@ -69,6 +69,19 @@ impl Figure {
         )
     }
 
+    /// Figures one below the other as one.
+    #[must_use]
+    pub fn stack(title: &str, figures: &[Self]) -> Self {
+        let mut canvas = Canvas::default();
+        let (mut top, mut width) = (0.0, 0.0_f64);
+        for figure in figures {
+            canvas.group(0.0, top, &figure.body);
+            top += figure.height + 8.0;
+            width = width.max(figure.width);
+        }
+        canvas.figure(title, width, top)
+    }
+
     /// Figures side by side as one, in rows of `columns`, below a title.
     #[must_use]
     pub fn sheet(title: &str, figures: &[Self], columns: usize) -> Self {

@@ -80,6 +80,8 @@ pub struct MapPicture {
     pub cells: Cells,
     /// What lies over them, the last on top.
     pub overlays: Vec<Overlay>,
+    /// Lines below the map, each with the ink that it is about.
+    pub notes: Vec<(Ink, String)>,
 }
 
 impl MapPicture {
@@ -121,7 +123,13 @@ impl MapPicture {
         canvas.raw("</svg>\n");
         canvas.rect((LEFT_PX, TOP_PX), (SIDE_PX, SIDE_PX), "grid");
         canvas.raw("</g>\n");
-        Ok(canvas.figure(&self.title, LEFT_PX + SIDE_PX + 12.0, TOP_PX + SIDE_PX + 26.0))
+        let mut bottom = TOP_PX + SIDE_PX + 26.0;
+        for (ink, note) in &self.notes {
+            bottom += 19.0;
+            canvas.rect((LEFT_PX, bottom - 14.5), (14.0, 9.0), &format!("f-{}", ink.name()));
+            canvas.text(LEFT_PX + 20.0, bottom - 6.0, "small", note);
+        }
+        Ok(canvas.figure(&self.title, LEFT_PX + SIDE_PX + 12.0, bottom))
     }
 }
 

@@ -30,7 +30,9 @@ fn map() -> Figure {
         Overlay::Arrow(vec![(0.0, 0.0)], Ink::Green),
     ];
     let (title, subtitle) = ("12.3 s <&> \"quoted\"".into(), "regret 0.3".into());
-    MapPicture { title, subtitle, cells, overlays }.figure().unwrap()
+    MapPicture { title, subtitle, cells, overlays, notes: vec![(Ink::Blue, "a & b".into())] }
+        .figure()
+        .unwrap()
 }
 
 /// Every kind of element, with this many points in each.
