@@ -2,6 +2,7 @@
 
 mod bags;
 mod child;
+mod compare;
 mod external;
 mod failure;
 mod init;
@@ -129,6 +130,8 @@ enum Commands {
         #[arg(long)]
         gate_latency: bool,
     },
+    /// Compares policy and expert of a recording, or the policies of two.
+    Compare(compare::CompareArguments),
     /// Makes or describes a data set.
     Dataset {
         #[command(subcommand)]
@@ -304,6 +307,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Latency { file, json, trace, gate_latency } => {
             recordings::latency(&file, json.as_deref(), trace.as_deref(), gate_latency)
         }
+        Commands::Compare(arguments) => compare::compare(arguments),
         Commands::Dataset { command } => learning::dataset(command),
         Commands::Train(arguments) => learning::train(arguments),
         Commands::Evaluate(arguments) => learning::evaluate(arguments),

@@ -3,7 +3,7 @@
 use crate::candidates::{PIECE_STEPS, PIECES, Pieces, groups};
 use crate::config::Weights;
 use crate::problem::{HORIZON_STEPS, Problem, STEP_S};
-use crate::refinement::{Scored, best_lane, improve};
+use crate::refinement::{Range, Scored, best_lane, improve};
 use crate::rollout::{Group, Kernel, LANES, Scores, look_up};
 use sidestep_msgs::{LOCAL_CELLS, Limits, Pose2, Twist};
 
@@ -74,6 +74,7 @@ pub(crate) fn follow(pieces: &Pieces, from: Twist, step: Twist) -> [Pose2; HORIZ
 #[derive(Debug, Clone)]
 pub struct Planner {
     limits: Limits,
+    range: Range,
     candidates: usize,
     groups: Vec<Group>,
     scores: Vec<Scores>,
@@ -89,6 +90,7 @@ impl Planner {
         let groups = groups(candidates, limits);
         Self {
             limits: *limits,
+            range: Range::whole(limits),
             candidates,
             scores: vec![Scores::NONE; groups.len()],
             groups,
@@ -134,6 +136,28 @@ impl Planner {
         group[0].set(0, &pieces.map(|twist| self.within(self.problem.turned(twist))));
         self.kernel.evaluate(&self.problem, &group, &mut scores);
         scores[0].cost[0]
+    }
+
+    /// Solves within a range, the candidates moved into it; `candidates` are those that [`Planner::new`] made.
+    pub(crate) fn solve_within(&mut self, candidates: &[Group], range: &Range) -> Plan {
+        self.range = *range;
+        for (own, group) in self.groups.iter_mut().zip(candidates) {
+            for lane in 0..LANES {
+                own.set(lane, &range.clamped(&group.get(lane)));
+            }
+        }
+        let (best, evaluated) = self.solved();
+        self.answer(&best, evaluated)
+    }
+
+    /// The problem that the next answer is for.
+    pub(crate) fn problem(&mut self) -> &mut Problem {
+        &mut self.problem
+    }
+
+    /// The candidates.
+    pub(crate) fn groups(&self) -> &[Group] {
+        &self.groups
     }
 
     /// The poses of a plan in `base`, one per 0.1 s, the first at 0.1 s.
@@ -198,7 +222,8 @@ impl Planner {
                 starts[number] = next;
             }
             let mut start = starts[number];
-            let rounds = improve(self.kernel, &self.problem, &self.limits, &mut start, SOLVED_ROUNDS);
+            let rounds =
+                improve(self.kernel, &self.problem, &self.limits, &self.range, &mut start, SOLVED_ROUNDS);
             evaluated += rounds * LANES;
             if start.cost < best.cost {
                 best = start;
@@ -250,7 +275,8 @@ impl Planner {
                 best = self.scored(index);
             }
         }
-        let rounds = improve(self.kernel, &self.problem, &self.limits, &mut best, REFINED_ROUNDS);
+        let rounds =
+            improve(self.kernel, &self.problem, &self.limits, &self.range, &mut best, REFINED_ROUNDS);
         (best, (1 + count + rounds) * LANES)
     }
 }

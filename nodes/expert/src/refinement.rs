@@ -48,15 +48,40 @@ const TOGETHER: [Direction; LANES / 2] = [
     [[1.0, -1.0], [0.0, 0.0], [0.0, 0.0]],
 ];
 
-fn moved(pieces: &Pieces, parts: &Direction, step: f32, limits: &Limits) -> Pieces {
-    std::array::from_fn(|piece| {
+/// What a search may choose from: the least and the largest velocity of each piece.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Range {
+    pub(crate) low: Pieces,
+    pub(crate) high: Pieces,
+}
+
+impl Range {
+    /// Everything that a robot can do driving forward.
+    pub(crate) fn whole(limits: &Limits) -> Self {
+        let (v, w) = (limits.forward_m_s, limits.turn_rad_s);
+        Self { low: [Twist::new(0.0, -w); PIECES], high: [Twist::new(v, w); PIECES] }
+    }
+
+    /// The nearest pieces within the range.
+    pub(crate) fn clamped(&self, pieces: &Pieces) -> Pieces {
+        std::array::from_fn(|piece| {
+            let (low, high) = (self.low[piece], self.high[piece]);
+            Twist::new(
+                pieces[piece].v_m_s.clamp(low.v_m_s, high.v_m_s),
+                pieces[piece].w_rad_s.clamp(low.w_rad_s, high.w_rad_s),
+            )
+        })
+    }
+}
+
+fn moved(pieces: &Pieces, parts: &Direction, step: f32, limits: &Limits, range: &Range) -> Pieces {
+    range.clamped(&std::array::from_fn(|piece| {
         let [v, w] = parts[piece];
         Twist::new(
-            (pieces[piece].v_m_s + v * step * limits.forward_m_s).clamp(0.0, limits.forward_m_s),
-            (pieces[piece].w_rad_s + w * step * limits.turn_rad_s)
-                .clamp(-limits.turn_rad_s, limits.turn_rad_s),
+            pieces[piece].v_m_s + v * step * limits.forward_m_s,
+            pieces[piece].w_rad_s + w * step * limits.turn_rad_s,
         )
-    })
+    }))
 }
 
 /// The lane of lowest cost, the first of equals.
@@ -75,6 +100,7 @@ pub(crate) fn improve(
     kernel: Kernel,
     problem: &Problem,
     limits: &Limits,
+    range: &Range,
     start: &mut Scored,
     rounds: usize,
 ) -> usize {
@@ -86,8 +112,8 @@ pub(crate) fn improve(
             return round;
         }
         for (number, parts) in directions[0].iter().enumerate() {
-            group[0].set(2 * number, &moved(&start.pieces, parts, step, limits));
-            group[0].set(2 * number + 1, &moved(&start.pieces, parts, -step, limits));
+            group[0].set(2 * number, &moved(&start.pieces, parts, step, limits, range));
+            group[0].set(2 * number + 1, &moved(&start.pieces, parts, -step, limits, range));
         }
         kernel.evaluate(problem, &group, &mut scores);
         let lane = best_lane(&scores[0]);

@@ -11,6 +11,12 @@ pub enum TrainError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A file that would be written over.
+    #[error("{path}: a file of this name exists; name another one, or remove it")]
+    Exists {
+        /// The file.
+        path: String,
+    },
     /// A file is no dataset, or one that does not fit.
     #[error("dataset {path}: found {found}, needed {needed}; make it with `sidestep dataset`")]
     Dataset {

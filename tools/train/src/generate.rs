@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 /// Candidates of the paper's demonstrator.
-const CANDIDATES: usize = 734;
+pub(crate) const CANDIDATES: usize = 734;
 /// Records written at once.
 const BLOCK: usize = 4096;
 /// Records made by one thread at once.

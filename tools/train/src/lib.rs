@@ -1,11 +1,13 @@
 //! Training: a dataset of labelled maps, a network that learns them, a model file, and a figure for how well.
 //!
-//! Commands: [`dataset`], [`dataset_info`], [`train`], [`evaluate()`]. All of them give the same bytes for any number of
+//! Commands: [`dataset`], [`demonstrations`], [`dataset_info`], [`train`], [`evaluate()`]. All of them give the same bytes for any number of
 //! threads; `train` also after an interruption. File formats: the dataset ([`Header`], [`Record`]) and ONNX with the
 //! contract of `sidestep-policy`.
 
 mod artificial;
 mod checkpoint;
+mod demonstration;
+mod difference;
 mod error;
 mod evaluate;
 mod generate;
@@ -18,8 +20,13 @@ mod record;
 mod trainer;
 
 pub use artificial::{Scene, scene};
+pub use demonstration::{Demonstration, demonstrations};
+pub use difference::{
+    Difference, Errors, LARGE_V_M_S, LARGE_W_RAD_S, WINDOWS_S, caught, combined_doubt, is_large,
+    within_window,
+};
 pub use error::TrainError;
-pub use evaluate::{Errors, EvaluateOptions, Evaluation, Window, evaluate};
+pub use evaluate::{EvaluateOptions, Evaluation, Window, evaluate};
 pub use generate::{DatasetOptions, dataset, dataset_info};
 pub use optimiser::Schedule;
 pub use parameters::Shape;

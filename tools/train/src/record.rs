@@ -35,7 +35,7 @@ pub struct Header {
     pub record_bytes: u32,
     /// Records.
     pub count: u64,
-    /// Seed of the random numbers.
+    /// Seed of the random numbers; of a drive, the number of its run.
     pub seed: u64,
     /// [`Robot::motion_hash`] of the robot that the labels are for.
     pub motion_hash: u64,
@@ -65,9 +65,10 @@ pub struct Record {
     pub goal_cell: u16,
     /// [`Source`].
     pub source: u8,
-    /// Kind of world; 0 clusters, 1 corridor, 2 door, 3 close wall; plus 128 where parts are unknown.
+    /// Kind of world; 0 clusters, 1 corridor, 2 door, 3 close wall, 4 a drive; plus 128 where parts are unknown.
     pub kind: u8,
-    /// World that the record was taken in, for splits by world; its own number for an artificial map.
+    /// World that the record was taken in, for splits by world; its own number for an artificial map, the low half of
+    /// the run's number for a drive.
     pub world: u32,
     /// `[m]` goal before projection, x in `base`.
     pub goal_x_m: f32,
@@ -83,7 +84,7 @@ pub struct Record {
     pub label_solved: [f32; 2],
     /// `[1]` its J of eq. (6).
     pub cost_solved: f32,
-    /// Seed of this sample within the dataset's seed.
+    /// Seed of this sample within the dataset's seed; of a drive, its source frame.
     pub stream: u64,
     /// Zero.
     pub reserved: [u8; 8],
@@ -203,8 +204,23 @@ pub(crate) struct DatasetWriter {
 
 impl DatasetWriter {
     pub(crate) fn create(path: &Path, seed: u64, motion_hash: u64) -> Result<Self, TrainError> {
+        let file = File::create(path)
+            .map_err(|source| TrainError::File { path: path.display().to_string(), source })?;
+        Self::begin(file, path, seed, motion_hash)
+    }
+
+    /// As [`DatasetWriter::create`], where no file of this name exists yet.
+    pub(crate) fn create_fresh(path: &Path, seed: u64, motion_hash: u64) -> Result<Self, TrainError> {
         let name = path.display().to_string();
-        let file = File::create(path).map_err(|source| TrainError::File { path: name.clone(), source })?;
+        let file = File::create_new(path).map_err(|source| match source.kind() {
+            std::io::ErrorKind::AlreadyExists => TrainError::Exists { path: name.clone() },
+            _ => TrainError::File { path: name.clone(), source },
+        })?;
+        Self::begin(file, path, seed, motion_hash)
+    }
+
+    fn begin(file: File, path: &Path, seed: u64, motion_hash: u64) -> Result<Self, TrainError> {
+        let name = path.display().to_string();
         let mut out = BufWriter::with_capacity(1 << 20, file);
         out.write_all(&[0; RECORDS_AT as usize])
             .map_err(|source| TrainError::File { path: name.clone(), source })?;
