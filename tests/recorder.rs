@@ -125,7 +125,7 @@ fn each_file_of_a_split_begins_with_fresh_states_and_what_still_holds() {
     let recordings = folder.join("recordings");
     let folder_name = recordings.display().to_string();
     let fixed = ["run", "sim", "--for", "10s", "--record", &folder_name, "--set", "recorder.split_s=4"];
-    let (outcome, _) = run_with_summary("recorder-split", &[&fixed[..], SMALL, PATIENT].concat());
+    let (outcome, _) = run_with_summary("recorder-split-summary", &[&fixed[..], SMALL, PATIENT].concat());
     assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
     let files = files(&recordings, "drive-");
     assert!(files.len() >= 3, "{files:?}");

@@ -54,8 +54,7 @@ impl Config {
         if self.split_mb > 1_000_000 {
             return wrong("split_mb", &self.split_mb, "0 to 1000000");
         }
-        let never = self.split_s <= 0.0 && self.split_s >= 0.0;
-        if !(never || (1.0..=86_400.0).contains(&self.split_s)) {
+        if !((0.0..=0.0).contains(&self.split_s) || (1.0..=86_400.0).contains(&self.split_s)) {
             return wrong("split_s", &self.split_s, "0, or 1 to 86400");
         }
         if self.free_mb_least > 1_000_000 {

@@ -234,7 +234,8 @@ impl Sink for Files {
             self.end_current(&lost)?;
             self.next(self.now_ns, &lost)?;
         }
-        if let Err(full) = self.space.look(self.now_ns, &self.path) {
+        let written = self.current.as_ref().map_or(0, |current| current.onlooker.bytes());
+        if let Err(full) = self.space.look(self.now_ns, written, &self.path) {
             self.end_current(&lost.now())?;
             self.join()?;
             // What cannot be kept for want of room is said by the error that follows.

@@ -19,6 +19,8 @@ pub(crate) struct Space {
     folder: PathBuf,
     bytes_least: u64,
     due_ns: u64,
+    /// `[byte]` written at the last look.
+    looked_bytes: u64,
     /// Asks the system; a test has a disk of its own.
     pub(crate) free: fn(&Path) -> std::io::Result<u64>,
 }
@@ -27,7 +29,7 @@ impl Space {
     /// Keeps `mb_least` megabytes free where `folder` lies; 0 = never looks.
     pub(crate) fn new(folder: &Path, mb_least: u64) -> Self {
         let (folder, bytes_least) = (folder.to_path_buf(), mb_least * MEGABYTE);
-        Self { folder, bytes_least, due_ns: 0, free: free_bytes }
+        Self { folder, bytes_least, due_ns: 0, looked_bytes: 0, free: free_bytes }
     }
 
     /// Whether `more` bytes fit on the disk.
@@ -46,12 +48,14 @@ impl Space {
         Err(RecordError::Space { path: path.to_path_buf(), found_mb, needed_mb })
     }
 
-    /// As [`Space::has_room_for`] nothing more, once a second of host time.
-    pub(crate) fn look(&mut self, host_ns: u64, path: &Path) -> Result<(), RecordError> {
-        if host_ns < self.due_ns {
+    /// As [`Space::has_room_for`] nothing more, once a second of host time and whenever a quarter of what must stay free was
+    /// written to the file in work.
+    pub(crate) fn look(&mut self, host_ns: u64, written_bytes: u64, path: &Path) -> Result<(), RecordError> {
+        let much = written_bytes.abs_diff(self.looked_bytes) > self.bytes_least / 4;
+        if host_ns < self.due_ns && !much {
             return Ok(());
         }
-        self.due_ns = host_ns + LOOK_EVERY_NS;
+        (self.due_ns, self.looked_bytes) = (host_ns + LOOK_EVERY_NS, written_bytes);
         self.has_room_for(0, path)
     }
 }
