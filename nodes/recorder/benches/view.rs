@@ -23,6 +23,45 @@ fn push<M: Message>(records: &mut Vec<Record>, topic: Topic<M>, now_ns: u64, mes
     records.push((topic.row(), now_ns, [bytemuck::bytes_of(&header), bytemuck::bytes_of(message)].concat()));
 }
 
+/// One frame and what the nodes make of it.
+fn look(records: &mut Vec<Record>, frame: &mut DepthFrame, tick: u64, now_ns: u64, twist: Twist) {
+    let turn = twist.w_rad_s;
+    (frame.capture_ns, frame.metres_per_unit) = (now_ns, 0.001);
+    for (index, pixel) in frame.pixels.iter_mut().enumerate() {
+        let noise = (index as u64 ^ tick).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61;
+        *pixel = (800 + index / 640 * 5 + noise as usize) as u16;
+    }
+    push(records, DEPTH, now_ns, frame);
+    let wave = |index: usize| ((index as u64 * 37 + tick) % 97 / 90 * 255) as u8;
+    let map = LocalMap {
+        capture_ns: now_ns,
+        occupancy: std::array::from_fn(wave),
+        planning_cost: std::array::from_fn(|index| (index % 28 * 9) as u8),
+        age: std::array::from_fn(|index| (index / 28) as u8),
+        ..LocalMap::default()
+    };
+    push(records, LOCAL_MAP, now_ns, &map);
+    let map = SafetyMap {
+        capture_ns: now_ns,
+        occupancy: std::array::from_fn(wave),
+        age: std::array::from_fn(|index| (index / 160) as u8),
+        ..SafetyMap::default()
+    };
+    push(records, SAFETY_MAP, now_ns, &map);
+    let goal = LocalGoal { capture_ns: now_ns, twist, x_m: 2.0, ..LocalGoal::default() };
+    push(records, LOCAL_GOAL, now_ns, &goal);
+    let proposal = Proposal { capture_ns: now_ns, twist, ..Proposal::default() };
+    push(records, POLICY_COMMAND, now_ns, &proposal);
+    let wave = |index: usize| index as f32 * 0.05 + turn;
+    let trajectory = Proposal {
+        trajectory_count: 24,
+        trajectory_x_m: std::array::from_fn(wave),
+        trajectory_y_m: std::array::from_fn(wave),
+        ..proposal
+    };
+    push(records, EXPERT_COMMAND, now_ns, &trajectory);
+}
+
 /// Every record of a second, at the rates of the topic table; maps and images with structure, not noise.
 fn second() -> Vec<Record> {
     let mut records = Vec::new();
@@ -49,40 +88,7 @@ fn second() -> Vec<Record> {
             );
         }
         if tick % 13 % 4 == 0 && tick % 13 < 12 {
-            (frame.capture_ns, frame.metres_per_unit) = (now_ns, 0.001);
-            for (index, pixel) in frame.pixels.iter_mut().enumerate() {
-                let noise = (index as u64 ^ tick).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61;
-                *pixel = (800 + index / 640 * 5 + noise as usize) as u16;
-            }
-            push(&mut records, DEPTH, now_ns, &*frame);
-            let wave = |index: usize| ((index as u64 * 37 + tick) % 97 / 90 * 255) as u8;
-            let map = LocalMap {
-                capture_ns: now_ns,
-                occupancy: std::array::from_fn(wave),
-                planning_cost: std::array::from_fn(|index| (index % 28 * 9) as u8),
-                age: std::array::from_fn(|index| (index / 28) as u8),
-                ..LocalMap::default()
-            };
-            push(&mut records, LOCAL_MAP, now_ns, &map);
-            let map = SafetyMap {
-                capture_ns: now_ns,
-                occupancy: std::array::from_fn(wave),
-                age: std::array::from_fn(|index| (index / 160) as u8),
-                ..SafetyMap::default()
-            };
-            push(&mut records, SAFETY_MAP, now_ns, &map);
-            let goal = LocalGoal { capture_ns: now_ns, twist, x_m: 2.0, ..LocalGoal::default() };
-            push(&mut records, LOCAL_GOAL, now_ns, &goal);
-            let proposal = Proposal { capture_ns: now_ns, twist, ..Proposal::default() };
-            push(&mut records, POLICY_COMMAND, now_ns, &proposal);
-            let wave = |index: usize| index as f32 * 0.05 + turn;
-            let trajectory = Proposal {
-                trajectory_count: 24,
-                trajectory_x_m: std::array::from_fn(wave),
-                trajectory_y_m: std::array::from_fn(wave),
-                ..proposal
-            };
-            push(&mut records, EXPERT_COMMAND, now_ns, &trajectory);
+            look(&mut records, &mut frame, tick, now_ns, twist);
         }
         let answers = u32::from(tick % 13 % 4 == 0);
         push(&mut records, COMMAND, now_ns, &Command { twist, wish: twist, answers, ..Command::default() });

@@ -17,6 +17,7 @@ struct Tap<M: Message> {
 impl<M: Message> Source for Tap<M> {
     fn drain(&mut self, step: &mut Step, record: &mut Vec<u8>, outlet: &mut Outlet) -> Result<(), NodeError> {
         let row = self.topic.row();
+        let wants_image = outlet.wants_image(host_ns());
         let mut show = |message: &M, header: &Header| {
             record.clear();
             record.extend_from_slice(bytemuck::bytes_of(header));
@@ -26,9 +27,9 @@ impl<M: Message> Source for Tap<M> {
         if row.index != DEPTH.index {
             return self.inbox.each(step, show);
         }
-        let newest = self.inbox.newest(step)?;
-        if let Some(frame) = newest.filter(|_| outlet.wants_image(host_ns())) {
-            show(&frame, frame.header());
+        match self.inbox.newest(step)? {
+            Some(frame) if wants_image => show(&frame, frame.header()),
+            _ => {}
         }
         Ok(())
     }

@@ -120,7 +120,7 @@ fn route(path: &Path) -> PosesInFrame {
 fn facing(direction: [f32; 2]) -> Quaternion {
     let [dx, dy] = direction.map(f64::from);
     let length = (dx * dx + dy * dy).sqrt();
-    if !(length > 0.0) {
+    if length.is_nan() || length <= 0.0 {
         return yaw(0.0);
     }
     let cos = (dx / length).clamp(-1.0, 1.0);
