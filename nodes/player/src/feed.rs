@@ -28,6 +28,10 @@ pub struct Played {
     first: Option<Entry>,
 }
 
+fn is_on_demand(entry: &Entry) -> bool {
+    TOPICS[entry.topic].rate_hz <= 0.0
+}
+
 impl Played {
     /// Begins before the first message that is selected.
     ///
@@ -38,14 +42,21 @@ impl Played {
         Ok(Self { ordered, selection: selection.clone(), start_ns: None, standing: Vec::new(), first: None })
     }
 
+    /// `[ns]` graph time of the start, once a message of a steady topic came: what is sent on demand may be older than the
+    /// file, at whose head it was said anew.
+    fn start_ns(&mut self, entry: &Entry) -> Option<u64> {
+        if self.start_ns.is_none() && !is_on_demand(entry) {
+            self.start_ns = Some(entry.header.now_ns.saturating_add(self.selection.offset_ns));
+        }
+        self.start_ns
+    }
+
     /// Keeps what stands from before the start; hands back what comes after it.
     fn after_start(&mut self, entry: Entry) -> Option<Entry> {
-        let start_ns =
-            *self.start_ns.get_or_insert(entry.header.now_ns.saturating_add(self.selection.offset_ns));
-        if entry.header.now_ns >= start_ns {
+        if self.start_ns(&entry).is_some_and(|start_ns| entry.header.now_ns >= start_ns) {
             return Some(entry);
         }
-        if TOPICS[entry.topic].rate_hz <= 0.0 {
+        if is_on_demand(&entry) {
             self.standing.retain(|old| old.topic != entry.topic);
             self.standing.push(entry);
         }
@@ -72,7 +83,7 @@ impl Iterator for Played {
             }
             if !self.selection.plays(entry.topic) {
                 // Not played, but it still says where the recording begins.
-                self.start_ns.get_or_insert(entry.header.now_ns.saturating_add(self.selection.offset_ns));
+                self.start_ns(&entry);
                 continue;
             }
             if let Some(entry) = self.after_start(entry) {
