@@ -50,7 +50,7 @@ impl Times {
     }
 
     /// `[ns]` from graph time to the wall time of the stamps.
-    pub(crate) fn to_wall_ns(&self) -> i64 {
+    pub(crate) fn to_wall_ns(self) -> i64 {
         i64::try_from(self.first_ns).unwrap_or(0) - FIRST_NS as i64
     }
 }

@@ -50,7 +50,7 @@ fn frames(entries: &[Entry]) -> Vec<Box<DepthFrame>> {
 
 /// The picture of write_bags.py.
 fn pixel(frame: usize, row: usize, col: usize) -> u16 {
-    if col % 7 == 0 { 0 } else { (1000 + 100 * frame + 10 * row + col) as u16 }
+    if col.is_multiple_of(7) { 0 } else { (1000 + 100 * frame + 10 * row + col) as u16 }
 }
 
 fn same_pose(a: &Isometry, b: &Isometry) -> bool {
