@@ -12,6 +12,7 @@ use sidestep_msgs::{
     ORIGIN_RECORD, Odometry, PATH, POLICY_COMMAND, Path, Pose2, SCAN, Scan, Twist,
 };
 use sidestep_player::{Entry, Info, Messages};
+use std::collections::BTreeMap;
 
 /// `[ns]` stamps and times of receipt that differ by no more tell the same clock.
 const SAME_CLOCK_NS: u64 = 1_000_000_000;
@@ -64,9 +65,8 @@ impl Mounting {
 /// Writes the messages of a recording with the wall times of their stamps.
 struct Exporter {
     file: BagFile,
-    /// `[ns]` from graph time to wall time, for one epoch of the playback or drive.
-    epoch: Option<(u32, i64)>,
-    mono_to_wall_ns: i64,
+    /// `[ns]` from graph time to wall time, by epoch.
+    to_wall_ns: BTreeMap<u32, i64>,
     camera: Mounting,
     laser: Mounting,
     said_static: bool,
@@ -79,28 +79,29 @@ struct Exporter {
 /// [`BagError`]; nothing is overwritten.
 pub fn export_bag(recording: &std::path::Path, out: &std::path::Path) -> Result<ExportSummary, BagError> {
     let info = Info::read(recording)?;
-    let origin = info.metadata.get(ORIGIN_RECORD);
-    let mono_to_wall = origin.and_then(|origin| origin.get(MONO_TO_WALL_KEY)?.parse().ok());
     let mut frame: Box<DepthFrame> = bytemuck::allocation::zeroed_box();
     let (mut camera, mut laser) = (Mounting::default(), Mounting::default());
+    let mut to_wall_ns = BTreeMap::new();
     for entry in Messages::open(recording)? {
         let entry = entry?;
+        let ahead_ns = i128::from(entry.logged_ns) - i128::from(entry.header.now_ns);
+        let ahead_ns = i64::try_from(ahead_ns).unwrap_or(0);
+        let least = to_wall_ns.entry(entry.header.epoch).or_insert(ahead_ns);
+        // Whoever joins late gets an old path late; the promptest message tells the clocks apart.
+        *least = ahead_ns.min(*least);
         if entry.read_into(DEPTH, &mut frame) {
             camera.learn(Rigid::from(&frame.camera));
         } else if let Some(scan) = entry.read(SCAN) {
             laser.learn(mounted(&scan));
         }
     }
-    let mono_to_wall_ns = mono_to_wall.unwrap_or(0);
-    let mut exporter = Exporter {
-        file: BagFile::create(out)?,
-        epoch: None,
-        mono_to_wall_ns,
-        camera,
-        laser,
-        said_static: false,
-        frame,
-    };
+    let origin = info.metadata.get(ORIGIN_RECORD);
+    if let Some(known_ns) = origin.and_then(|origin| origin.get(MONO_TO_WALL_KEY)?.parse::<i64>().ok()) {
+        let same = |measured_ns: &&mut i64| measured_ns.abs_diff(known_ns) < SAME_CLOCK_NS;
+        to_wall_ns.values_mut().filter(same).for_each(|measured_ns| *measured_ns = known_ns);
+    }
+    let mut exporter =
+        Exporter { file: BagFile::create(out)?, to_wall_ns, camera, laser, said_static: false, frame };
     let mut messages = Messages::open(recording)?;
     for entry in &mut messages {
         exporter.entry(&entry?)?;
@@ -116,21 +117,10 @@ fn mounted(scan: &Scan) -> Rigid {
 }
 
 impl Exporter {
-    /// Wall time of a graph time.
-    fn wall_ns(&mut self, entry: &Entry, graph_ns: u64) -> u64 {
-        let header = &entry.header;
-        if self.epoch.is_none_or(|(epoch, _)| epoch != header.epoch) {
-            let known = header.now_ns.saturating_add_signed(self.mono_to_wall_ns);
-            let measured =
-                i64::try_from(i128::from(entry.logged_ns) - i128::from(header.now_ns)).unwrap_or(0);
-            let same = known.abs_diff(entry.logged_ns) < SAME_CLOCK_NS;
-            self.epoch = Some((header.epoch, if same { self.mono_to_wall_ns } else { measured }));
-        }
-        graph_ns.saturating_add_signed(self.epoch.map_or(0, |(_, offset_ns)| offset_ns))
-    }
-
-    fn header(&mut self, entry: &Entry, graph_ns: u64, frame: &str) -> ros::Header {
-        let stamp = Time::from_ns(self.wall_ns(entry, graph_ns));
+    /// Stamped with the wall time of a graph time.
+    fn header(&self, entry: &Entry, graph_ns: u64, frame: &str) -> ros::Header {
+        let ahead_ns = self.to_wall_ns.get(&entry.header.epoch).copied().unwrap_or(0);
+        let stamp = Time::from_ns(graph_ns.saturating_add_signed(ahead_ns));
         ros::Header { stamp, frame_id: frame.into() }
     }
 

@@ -17,6 +17,8 @@ use sidestep_player::{ForeignChannel, ForeignMessage, read_foreign};
 const DELAYS_NS: std::ops::RangeInclusive<i64> = -50_000_000..=1_000_000_000;
 /// `[ns]` no arrival is later than this: what is late in a bag was late for the recorder, not for the robot.
 const DELAY_MAX_NS: i64 = 500_000_000;
+/// `[ns]` a hundred years: no sum of times overflows.
+const GRAPH_NS_MAX: u64 = 100 * 365 * 86_400 * 1_000_000_000;
 /// `[ns]` a frame this far outside the odometry may still be mapped.
 const EDGE_NS: u64 = 100_000_000;
 
@@ -36,9 +38,9 @@ impl Times {
         if self.arrival_stamps { logged_ns } else { header.stamp.ns() }
     }
 
-    /// Graph time of a stamp.
+    /// Graph time of a stamp; stamps beyond [`GRAPH_NS_MAX`] are nonsense, and stay in order.
     pub(crate) fn graph_ns(&self, stamp_ns: u64) -> u64 {
-        stamp_ns.saturating_sub(self.first_ns) + FIRST_NS
+        stamp_ns.saturating_sub(self.first_ns).min(GRAPH_NS_MAX) + FIRST_NS
     }
 
     /// Graph time of an arrival, never before the stamp.
@@ -48,7 +50,7 @@ impl Times {
     }
 
     /// `[ns]` from graph time to the wall time of the stamps.
-    pub(crate) fn to_wall_ns(&self) -> i64 {
+    pub(crate) fn to_wall_ns(self) -> i64 {
         i64::try_from(self.first_ns).unwrap_or(0) - FIRST_NS as i64
     }
 }

@@ -44,7 +44,7 @@ mod tests {
             for (x_m, y_m) in [(1.83, 0.47), (0.31, -1.12), (-0.22, 0.93)] {
                 let (mut occupancy, mut age) = (vec![0; count], vec![0; count]);
                 occupancy[grid.index(x_m, y_m).unwrap()] = 255;
-                age[grid.index(0.05, 0.05).unwrap()] = AGE_NEVER;
+                age[grid.index(0.07, 0.07).unwrap()] = AGE_NEVER;
                 let info = metadata(&grid, Time::default());
                 let at = |x_m: f32, y_m: f32| {
                     let column = (f64::from(x_m) - info.origin.translation.x) / f64::from(info.resolution);
@@ -55,7 +55,7 @@ mod tests {
                 let occupied: Vec<usize> = (0..count).filter(|&cell| cells[cell] == 100).collect();
                 assert_eq!(occupied, [at(x_m, y_m)], "{x_m}, {y_m}");
                 let unknown: Vec<usize> = (0..count).filter(|&cell| cells[cell] as i8 == -1).collect();
-                assert_eq!(unknown, [at(0.05, 0.05)]);
+                assert_eq!(unknown, [at(0.07, 0.07)]);
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::rvl;
 use sidestep_msgs::DepthFrame;
 
 /// `[px]` no camera has more columns or rows; a file that claims more is damaged, and memory stays bounded.
-const SIDE_MAX: usize = 8192;
+const SIDE_MAX: usize = 4096;
 /// Columns and rows that a depth frame has room for, and fewest.
 const ROOM: (usize, usize) = (640, 480);
 const SIDE_MIN: usize = 16;
@@ -102,7 +102,6 @@ impl Raster {
             "" | "png" => self.read_png(body)?,
             "rvl" => {
                 let (width, height, body) = rvl::size(body).ok_or("an RVL image that ends at once")?;
-                // Half a byte holds a pixel at best, a run of zeros at worst; nothing is taken before this holds.
                 self.resize(width, height)?;
                 rvl::decode(body, &mut self.millimetres).ok_or("a broken RVL image")?;
             }

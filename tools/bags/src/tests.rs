@@ -5,8 +5,8 @@ use sidestep_msgs::{
     DEPTH, DepthFrame, Header, Isometry, LOCAL_MAP, LocalMap, Message, ODOMETRY, Odometry, Pose2, SCAN, Scan,
     Topic, Twist,
 };
-use sidestep_player::{Entry, Messages};
-use sidestep_recorder::{Origin, Writer};
+use sidestep_player::{Entry, Messages, PlayerError, read_foreign};
+use sidestep_recorder::{BagWriter, Origin, Writer};
 use std::path::{Path, PathBuf};
 
 struct Folder(PathBuf);
@@ -50,7 +50,7 @@ fn frames(entries: &[Entry]) -> Vec<Box<DepthFrame>> {
 
 /// The picture of write_bags.py.
 fn pixel(frame: usize, row: usize, col: usize) -> u16 {
-    if col % 7 == 0 { 0 } else { (1000 + 100 * frame + 10 * row + col) as u16 }
+    if col.is_multiple_of(7) { 0 } else { (1000 + 100 * frame + 10 * row + col) as u16 }
 }
 
 fn same_pose(a: &Isometry, b: &Isometry) -> bool {
@@ -268,4 +268,62 @@ fn an_export_that_is_imported_again_has_the_same_pixels_camera_and_poses() {
             assert_eq!(a.twist, b.twist);
         }
     }
+}
+
+/// SplitMix64.
+fn draw(seed: &mut u64) -> u64 {
+    *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *seed;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Copies a bag, and in every fourth message changes a byte, a length or the end.
+fn damaged(source: &Path, out: &Path, seed: &mut u64) {
+    let mut writer = BagWriter::create(out).unwrap();
+    let mut topics = std::collections::BTreeMap::new();
+    read_foreign(source, |channel, message| {
+        let (mut data, mut logged_ns) = (message.data.to_vec(), message.logged_ns);
+        let topic = *topics
+            .entry(channel.id)
+            .or_insert_with(|| writer.topic(&channel.topic, (&channel.schema, ""), "").unwrap());
+        let at = draw(seed) as usize % data.len();
+        match draw(seed) % 16 {
+            0 => data[at] ^= draw(seed) as u8,
+            1 => data.truncate(at),
+            2 => data.iter_mut().skip(at & !3).take(4).for_each(|byte| *byte = 0xff),
+            3 => logged_ns = draw(seed),
+            _ => {}
+        }
+        writer.write(topic, [logged_ns, logged_ns], &data).unwrap();
+        Ok::<(), PlayerError>(())
+    })
+    .unwrap();
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_bag_whose_messages_are_damaged_is_imported_in_part_or_refused() {
+    let folder = Folder::new("damaged");
+    let (mut whole, mut parts, mut refused) = (0, 0, 0);
+    for name in ["raw", "png", "rvl", "inverse", "moving", "scan"] {
+        for number in 0..25 {
+            let mut seed = number;
+            let bag = folder.0.join(format!("{name}-{number}.mcap"));
+            damaged(&golden(&format!("{name}.mcap")).source, &bag, &mut seed);
+            let arrival_stamps = number % 2 == 1;
+            let options = BagOptions { source: bag, arrival_stamps, ..BagOptions::default() };
+            match import_bag(&options, &folder.0.join("out.mcap")) {
+                Ok(summary) if summary.damage.is_empty() => whole += 1,
+                Ok(_) => parts += 1,
+                Err(error) => {
+                    assert!(error.to_string().contains("; "), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    println!("{whole} whole, {parts} in part, {refused} refused");
+    assert!(parts > 10 && refused > 10);
 }
