@@ -263,6 +263,9 @@ impl Graph {
         if !settings.is_empty() {
             let mut table: toml::Table =
                 text.parse().map_err(|error| Failure::usage(format!("graph {origin}: {error}")))?;
+            if settings.iter().any(|setting| setting.starts_with("recorder.folder=")) {
+                add_recorder(&mut table);
+            }
             for setting in settings {
                 apply(&mut table, setting)?;
             }
@@ -307,6 +310,16 @@ impl Graph {
                 .map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
         }
         Ok(())
+    }
+}
+
+/// Gives a graph without a recorder that of the first built-in graph: who names a folder for recordings wants one.
+fn add_recorder(table: &mut toml::Table) {
+    let shipped = GRAPHS[0].1.parse::<toml::Table>().ok();
+    let recorder = shipped.as_ref().and_then(|graph| graph.get("nodes")?.get("recorder")).cloned();
+    let nodes = table.get_mut("nodes").and_then(toml::Value::as_table_mut);
+    if let (Some(nodes), Some(recorder)) = (nodes, recorder) {
+        nodes.entry("recorder").or_insert(recorder);
     }
 }
 
