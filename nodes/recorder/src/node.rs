@@ -1,9 +1,8 @@
 //! Empties the inbox of every topic into the queue to the disk, until asked to stop.
 
 use crate::{Config, Origin, Queue, QueueRoom, RecordError, Writer, file_name, kernel_class};
-use sidestep_bus::{Bookmark, Boot, Inbox, Keep, Link, NodeError, Step, host_ns, pause, wall_ns};
+use sidestep_bus::{Bookmark, Boot, Inbox, Keep, Link, NodeError, Step, host_ns, wall_ns};
 use sidestep_msgs::{COMMAND, Message, Topic, TopicVisitor, visit_topics};
-use std::time::Duration;
 
 /// An inbox of any topic.
 trait Source {
@@ -36,20 +35,6 @@ impl TopicVisitor for Taps<'_> {
         let inbox = self.link.inbox(topic, Keep::All)?;
         self.sources.push(Box::new(Tap { topic, inbox }));
         Ok(())
-    }
-}
-
-/// Tells a lockstep driver how far the recording has come, once the queue has room for what may follow; looks for that room
-/// for a while, but not so long that the heart would stand still.
-fn mark(bookmark: &Bookmark, step: &Step, queue: &Queue) {
-    let room = (0..20).any(|_| {
-        queue.has_room() || {
-            pause(Duration::from_millis(1));
-            false
-        }
-    });
-    if room {
-        bookmark.tell(step.clock_sequence());
     }
 }
 
@@ -108,7 +93,11 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let mut told = false;
     link.run(|step| {
         sources.iter_mut().try_for_each(|source| source.drain(step, &mut queue))?;
-        bookmark.iter().for_each(|bookmark| mark(bookmark, step, &queue));
+        // A driver that moves time waits while the queue has no room for what would follow.
+        bookmark
+            .iter()
+            .filter(|_| queue.has_room())
+            .for_each(|bookmark| bookmark.tell(step.clock_sequence()));
         if queue.has_failed() && !told {
             told = true;
             eprintln!("the recording ended early, the drive goes on; the reason follows at the end");
