@@ -253,6 +253,9 @@ fn apply(table: &mut toml::Table, setting: &str) -> Result<(), Failure> {
 pub(crate) fn with_settings(origin: &str, text: &str, settings: &[String]) -> Result<String, Failure> {
     let wrong = |error: &dyn std::fmt::Display| Failure::usage(format!("graph {origin}: {error}"));
     let mut table: toml::Table = text.parse().map_err(|error: toml::de::Error| wrong(&error))?;
+    if settings.iter().any(|setting| setting.starts_with("recorder.folder=")) {
+        add_recorder(&mut table);
+    }
     settings.iter().try_for_each(|setting| apply(&mut table, setting))?;
     toml::to_string(&table).map_err(|error| wrong(&error))
 }
@@ -307,6 +310,16 @@ impl Graph {
                 .map_err(|error| Failure::io(format!("{}: {error}", path.display())))?;
         }
         Ok(())
+    }
+}
+
+/// Gives a graph without a recorder that of the first built-in graph: who names a folder for recordings wants one.
+fn add_recorder(table: &mut toml::Table) {
+    let shipped = GRAPHS[0].1.parse::<toml::Table>().ok();
+    let recorder = shipped.as_ref().and_then(|graph| graph.get("nodes")?.get("recorder")).cloned();
+    let nodes = table.get_mut("nodes").and_then(toml::Value::as_table_mut);
+    if let (Some(nodes), Some(recorder)) = (nodes, recorder) {
+        nodes.entry("recorder").or_insert(recorder);
     }
 }
 

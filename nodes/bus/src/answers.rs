@@ -8,20 +8,20 @@ use crate::inbox::{Inbox, Keep};
 use crate::link::Link;
 use crate::step::Step;
 use sidestep_msgs::{
-    Command, EXPERT_COMMAND, Header, Health, LOCAL_GOAL, LOCAL_MAP, LocalGoal, LocalMap, POLICY_COMMAND,
-    Proposal, SAFETY_MAP, SafetyMap, health_topic,
+    Command, EXPERT_COMMAND, HEALTH_RECORDER, Header, Health, LOCAL_GOAL, LOCAL_MAP, LocalGoal, LocalMap,
+    POLICY_COMMAND, Proposal, SAFETY_MAP, SafetyMap, health_topic,
 };
 use std::collections::VecDeque;
 use std::time::Duration;
 
 /// Whoever must beat before time begins, as far as the graph has them.
 const AWAITED: &[&str] = &["mapper", "goal", "policy", "expert", "arbiter", "recorder"];
-/// `[ns]` host time that an answer may take, and a recorder for what it was told.
+/// `[ns]` host time that an answer may take, and silence after which a recorder is not waited for.
 const PATIENCE_NS: u64 = 2_000_000_000;
 /// Questions, and frames among them, that the recorder may be behind: one frame less than its ring holds.
 const BEHIND_MOST: (usize, usize) = (24, 2);
-/// Looks at the recorder's bookmark before the driver's own loop turns: its heart must beat.
-const LOOKS: u32 = 100;
+/// `[ns]` host time for which the recorder's bookmark is watched before the driver's own loop turns: its heart must beat.
+const MOMENT_NS: u64 = 10_000_000;
 const LOOK_EVERY: Duration = Duration::from_micros(200);
 
 /// What a lockstep driver puts to the graph.
@@ -93,10 +93,11 @@ impl Answers {
                 absent.push(link.inbox(topic, Keep::Newest)?);
             }
         }
+        let recorder = boot.has_node("recorder")?.then(|| Behind::open(link, boot)).transpose()?;
         Ok(Self {
             asked: None,
             answered: true,
-            recorder: boot.has_node("recorder")?.then(|| Behind::new(boot)),
+            recorder,
             maps: link.inbox(LOCAL_MAP, Keep::Newest)?,
             safety: link.inbox(SAFETY_MAP, Keep::Newest)?,
             goals: link.inbox(LOCAL_GOAL, Keep::Newest)?,
@@ -128,7 +129,7 @@ impl Answers {
             return self.all_ready(&mut Step::new());
         };
         if self.answered {
-            return Ok(self.recorder.as_mut().is_none_or(Behind::catches_up));
+            return self.recorder.as_mut().map_or(Ok(true), Behind::catches_up);
         }
         let waited_ns = host_ns() - since_ns;
         if waited_ns < PATIENCE_NS {
@@ -181,14 +182,16 @@ struct Behind {
     mark: Bookmark,
     /// Questions that it may not have taken: word of the clock, and whether it was a frame.
     told: VecDeque<(u64, bool)>,
-    /// `[ns]` host time since when it is too far behind.
-    since_ns: Option<u64>,
+    beats: Inbox<Health>,
+    /// `[ns]` host time of its newest heartbeat that was heard.
+    beat_ns: u64,
 }
 
 impl Behind {
-    fn new(boot: &Boot) -> Self {
-        let mark = Bookmark::read(boot, "recorder");
-        Self { boot: boot.clone(), mark, told: VecDeque::new(), since_ns: None }
+    fn open(link: &Link, boot: &Boot) -> Result<Self, NodeError> {
+        let (mark, told) = (Bookmark::read(boot, "recorder"), VecDeque::new());
+        let beats = link.inbox(HEALTH_RECORDER, Keep::Newest)?;
+        Ok(Self { boot: boot.clone(), mark, told, beats, beat_ns: host_ns() })
     }
 
     fn is_far(&mut self) -> bool {
@@ -199,25 +202,29 @@ impl Behind {
         let taken = self.mark.told().unwrap_or(0);
         while self.told.front().is_some_and(|(sequence, _)| *sequence < taken) {
             self.told.pop_front();
-            self.since_ns = None;
         }
         let frames = self.told.iter().filter(|(_, is_frame)| *is_frame).count();
         self.told.len() > BEHIND_MOST.0 || frames > BEHIND_MOST.1
     }
 
-    /// Waits a moment for the recorder; whether it has come near enough. One that is gone is not waited for.
-    fn catches_up(&mut self) -> bool {
-        for _ in 0..LOOKS {
-            if !self.is_far() {
-                self.since_ns = None;
-                return true;
+    /// Waits a moment for the recorder; whether it has come near enough. It is waited for as long as its heart beats: a
+    /// disk may take its time. One that is gone is not.
+    fn catches_up(&mut self) -> Result<bool, NodeError> {
+        let until_ns = host_ns() + MOMENT_NS;
+        while self.is_far() {
+            if host_ns() >= until_ns {
+                if self.beats.newest(&mut Step::new())?.is_some() {
+                    self.beat_ns = host_ns();
+                }
+                let gone = host_ns() - self.beat_ns > PATIENCE_NS;
+                if gone {
+                    self.told.clear();
+                }
+                return Ok(gone);
             }
             pause(LOOK_EVERY);
         }
-        let given_up = host_ns() - *self.since_ns.get_or_insert_with(host_ns) > PATIENCE_NS;
-        if given_up {
-            self.told.clear();
-        }
-        given_up
+        self.beat_ns = host_ns();
+        Ok(true)
     }
 }

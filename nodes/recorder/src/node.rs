@@ -14,7 +14,7 @@ use sidestep_msgs::{COMMAND, RECORDING, Recording};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use taps::Taps;
-use voice::{Voice, mark};
+use voice::Voice;
 
 fn lost(error: &RecordError) -> NodeError {
     NodeError::Lost(error.to_string())
@@ -84,7 +84,11 @@ pub fn run(boot: &Boot, fan: Option<Fan>) -> Result<(), NodeError> {
     let bookmark = boot.is_lockstep()?.then(|| Bookmark::write(boot));
     link.run(|step| {
         taps.drain(step, &mut queue)?;
-        bookmark.iter().for_each(|bookmark| mark(bookmark, step, &queue));
+        // A driver that moves time waits while the queue has no room for what would follow.
+        bookmark
+            .iter()
+            .filter(|_| queue.has_room())
+            .for_each(|bookmark| bookmark.tell(step.clock_sequence()));
         voice.tell(step)
     })?;
     // What was sent while this node was asked to stop.

@@ -241,10 +241,10 @@ impl Queue {
         self.lost.now()
     }
 
-    /// Whether at least a third of the room is free, or nothing is written any more: for a driver that can wait.
+    /// Whether at least half of the room is free, or nothing is written any more: for a driver that can wait.
     #[must_use]
     pub fn has_room(&self) -> bool {
-        let free = |(_, pool): &Free| pool.len() >= pool.capacity().unwrap_or(0) / 3;
+        let free = |(_, pool): &Free| pool.len() >= pool.capacity().unwrap_or(0) / 2;
         self.has_failed() || free(&self.small) && free(&self.large)
     }
 

@@ -1,11 +1,10 @@
-//! What the recorder says of itself: of its files on `recording`, of its progress to a lockstep driver.
+//! What the recorder says of its files and of its black box.
 
-use crate::{Progress, Queue};
-use sidestep_bus::{Bookmark, NodeError, Outbox, Step, pause};
+use crate::Progress;
+use sidestep_bus::{NodeError, Outbox, Step};
 use sidestep_msgs::Recording;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// `[s]` the black box speaks of its growth in steps of this size: each word makes other nodes say their state.
 const HELD_STEP_S: f32 = 10.0;
@@ -34,19 +33,5 @@ impl Voice {
         }
         self.said = now;
         self.outbox.send(step, |recording| *recording = now)
-    }
-}
-
-/// Tells a lockstep driver how far the recording has come, once the queue has room for what may follow; looks for that room
-/// for a while, but not so long that the heart would stand still.
-pub(super) fn mark(bookmark: &Bookmark, step: &Step, queue: &Queue) {
-    let room = (0..20).any(|_| {
-        queue.has_room() || {
-            pause(Duration::from_millis(1));
-            false
-        }
-    });
-    if room {
-        bookmark.tell(step.clock_sequence());
     }
 }
