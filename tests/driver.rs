@@ -375,12 +375,14 @@ fn a_killed_driver_is_started_again_and_drives_on_from_where_its_base_stands() {
 fn a_killed_driver_that_lost_its_pose_stands_on_floor_that_nobody_knows() {
     let Some(mut hall) = Hall::start("lost-driver", str::to_owned, &[]) else { return };
     kill(&mut hall);
-    let seen =
-        hall.until_odometry("the new epoch", |odometry, _| odometry.stamp_ns > 0 && odometry.pose_epoch == 1);
+    let seen = hall.until_odometry("the new epoch", |odometry, _| odometry.pose_epoch == 1);
     let begun_ns = seen.last().unwrap().stamp_ns;
     let later =
         hall.until_odometry("two seconds", |odometry, _| odometry.stamp_ns > begun_ns + 2_000_000_000);
-    assert!(later.iter().all(|odometry| odometry.pose.x_m.abs() < 0.01), "it drove over floor it never saw");
+    // The cells under its own footprint are free, and it may creep to their edge.
+    let farthest_m = later.iter().map(|odometry| odometry.pose.x_m.abs()).fold(0.0, f64::max);
+    assert!(farthest_m < 0.1, "it drove {farthest_m} m over floor that it never saw");
+    assert!(later.last().unwrap().twist.v_m_s < 0.01, "{:?}", later.last());
     assert_eq!(hall.end().0.code, 0);
 }
 

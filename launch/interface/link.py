@@ -103,7 +103,7 @@ class Link:
             service = self._service(topic).publish_subscribe(TOPICS[topic].structure).user_header(Header).open()
         except self.iox.PublishSubscribeOpenError:
             return None  # not even size and name agree
-        return "of the run " + " ".join(value.to_string() for value in service.attributes.values(key))
+        return "of the run " + " ".join(value.to_string() for value in service.attributes.key_values(key))
 
     def _event(self, topic):
         return self._service(topic).event().open()
