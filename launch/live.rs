@@ -1,5 +1,6 @@
 //! `sidestep live`: a run on the screen of Foxglove or Lichtblick.
 
+#[cfg(not(feature = "live"))]
 use crate::failure::Failure;
 use clap::Args;
 
@@ -73,7 +74,7 @@ mod served {
             if due {
                 look_ns = host_ns() + ALIVE_EVERY_NS;
             }
-            !asked.load(Ordering::Relaxed) && !(due && !live_domains().contains(&run))
+            !asked.load(Ordering::Relaxed) && (!due || live_domains().contains(&run))
         };
         let ready = |port| {
             line(&format!(
