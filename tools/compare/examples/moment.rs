@@ -17,15 +17,21 @@ const FAR_M: f32 = 4.5;
 /// Steps of colour; few steps make a small file.
 const STEPS: f32 = 24.0;
 /// Colours from near to far, light to dark, told apart by lightness alone (after the palette cividis).
-const PALETTE: [[f32; 3]; 5] =
-    [[255.0, 234.0, 70.0], [203.0, 186.0, 105.0], [124.0, 123.0, 120.0], [62.0, 74.0, 106.0], [0.0, 32.0, 76.0]];
+const PALETTE: [[f32; 3]; 5] = [
+    [255.0, 234.0, 70.0],
+    [203.0, 186.0, 105.0],
+    [124.0, 123.0, 120.0],
+    [62.0, 74.0, 106.0],
+    [0.0, 32.0, 76.0],
+];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let needed = "needed: RECORDING.mcap FRAME, where FRAME is the number of a depth frame or `worst`";
     let file = PathBuf::from(arguments.next().ok_or(needed)?);
     let wanted = arguments.next().unwrap_or_else(|| "worst".to_owned());
-    let options = Options { file: file.clone(), other: None, worst: 100, rank: Rank::Disagreement, mine: None };
+    let options =
+        Options { file: file.clone(), other: None, worst: 100, rank: Rank::Disagreement, mine: None };
     let comparison = compare(&options)?;
     let shown = match wanted.parse::<u64>() {
         Ok(number) => comparison.worst.iter().min_by_key(|shown| shown.frame.abs_diff(number)),

@@ -2,9 +2,9 @@
 
 use sidestep_expert::{Config, Expert};
 use sidestep_msgs::{
-    COMMAND, Code, Command, EXPERT_COMMAND, Header, LOCAL_CELLS, LOCAL_GOAL, LOCAL_GRID, LOCAL_MAP, LOCAL_SIDE,
-    LocalGoal, LocalMap, Message, POLICY_COMMAND, Pose2, Proposal, Reason, Robot, Status, TRUTH, Topic, Truth, Twist,
-    Winner, clamp_to_window,
+    COMMAND, Code, Command, EXPERT_COMMAND, Header, LOCAL_CELLS, LOCAL_GOAL, LOCAL_GRID, LOCAL_MAP,
+    LOCAL_SIDE, LocalGoal, LocalMap, Message, POLICY_COMMAND, Pose2, Proposal, Reason, Robot, Status, TRUTH,
+    Topic, Truth, Twist, Winner, clamp_to_window,
 };
 use sidestep_recorder::{Origin, Writer};
 use std::path::PathBuf;
@@ -79,7 +79,8 @@ impl Drive {
         };
         let cost: [u8; LOCAL_CELLS] = std::array::from_fn(|index| if block(index) { 230 } else { 5 });
         let pose = Pose2::new(number as f64 * 0.02, 0.0, 0.0);
-        let mut map = LocalMap { capture_ns, pose, planning_cost: cost, occupancy: cost, ..LocalMap::default() };
+        let mut map =
+            LocalMap { capture_ns, pose, planning_cost: cost, occupancy: cost, ..LocalMap::default() };
         map.age[0] = 255;
         let (x_m, y_m) = LOCAL_GRID.centre(2, 12);
         let goal = LocalGoal {
@@ -111,7 +112,8 @@ impl Drive {
             let mut proposal = Proposal::default();
             let expert_status = expert.plan(&map, &goal, status, None, &mut proposal);
             let offset = (self.offset)(number);
-            let wish = Twist::new(proposal.twist.v_m_s + offset.v_m_s, proposal.twist.w_rad_s + offset.w_rad_s);
+            let wish =
+                Twist::new(proposal.twist.v_m_s + offset.v_m_s, proposal.twist.w_rad_s + offset.w_rad_s);
             let policy = Proposal {
                 twist: clamp_to_window(wish, goal.twist, &robot.limits),
                 doubt_v_m_s: offset.v_m_s.abs() + 0.01,
@@ -128,8 +130,11 @@ impl Drive {
             if self.runs[0] {
                 tape.say(POLICY_COMMAND, number, expert_status, &policy);
             }
-            let (winner, reason) =
-                if number % 40 < 30 { (Winner::Policy, Reason::Clear) } else { (Winner::Stop, Reason::Emergency) };
+            let (winner, reason) = if number % 40 < 30 {
+                (Winner::Policy, Reason::Clear)
+            } else {
+                (Winner::Stop, Reason::Emergency)
+            };
             let command = Command {
                 twist: policy.twist,
                 winner: winner.code(),
