@@ -46,6 +46,12 @@ impl Judge {
         self.planner.solve_within(&self.candidates, &range)
     }
 
+    /// The best plan of all, whatever it begins with.
+    pub fn solve(&mut self, cost: &[u8; LOCAL_CELLS], goal_cell: usize, from: Twist) -> Plan {
+        self.planner.problem().pose(cost, goal_cell, from);
+        self.planner.solve_within(&self.candidates, &Range::whole(&self.limits))
+    }
+
     /// The poses of the last plan in `base`, one per 0.1 s, the first at 0.1 s.
     #[must_use]
     pub fn trajectory(&self, plan: &Plan) -> [Pose2; HORIZON_STEPS] {
@@ -114,6 +120,15 @@ mod tests {
         let mean = regrets.iter().map(|regret| regret.abs()).sum::<f32>() / 200.0;
         assert!(mean < 0.03 && regrets[100].abs() < 1e-3, "mean {mean}, median {}", regrets[100]);
         assert!(regrets[20] > -0.05 && regrets[180] < 0.05, "{} {}", regrets[20], regrets[180]);
+    }
+
+    #[test]
+    fn a_judge_solves_as_a_planner_does_whatever_it_judged_before() {
+        let mut judge = judge();
+        for sample in samples() {
+            judge.judge(&sample.cost, sample.goal, sample.from, Twist::new(0.1, 0.5));
+            assert_eq!(judge.solve(&sample.cost, sample.goal, sample.from), solved(&sample));
+        }
     }
 
     #[test]

@@ -135,13 +135,14 @@ impl<'a> Gatherer<'a> {
     }
 
     fn pair(&mut self, pair: &Pair<'_>) {
-        for (window_s, difference) in WINDOWS_S.iter().zip(&mut self.windows) {
-            let [first, second] =
-                pair.twists.map(|twist| within_window(twist, pair.goal.twist, &self.robot.limits, *window_s));
-            difference.add(first, second);
+        let within = WINDOWS_S.map(|window_s| {
+            pair.twists.map(|twist| within_window(twist, pair.goal.twist, &self.robot.limits, window_s))
+        });
+        for ([first, second], difference) in within.iter().zip(&mut self.windows) {
+            difference.add(*first, *second);
         }
         let judged = pair.judged(&mut self.judge);
-        let point = pair.point(&judged);
+        let point = pair.point(&judged, within[0]);
         let score = point.score(self.rank);
         self.points.push(point);
         self.worst.offer(point.time_s, score, || pair.shown(&judged, &point));
@@ -309,11 +310,13 @@ impl Comparison {
         let column =
             |number: &dyn Fn(&Point) -> f64| -> Vec<f64> { self.points.iter().map(number).collect() };
         let rounded = |value: f32| (f64::from(value) * 1e5).round() * 1e-5;
+        let gaps = [0, 1].map(|side| column(&|point| rounded(point.gap(side))));
         value["frames"] = serde_json::json!({
             "number": self.points.iter().map(|point| point.number).collect::<Vec<_>>(),
             "time_s": column(&|point| (point.time_s * 1e4).round() * 1e-4),
             "v_m_s": column(&|point| rounded(point.v_m_s)),
             "w_rad_s": column(&|point| rounded(point.w_rad_s)),
+            "gaps": gaps,
             "regret": column(&|point| rounded(point.regret())),
         });
         value

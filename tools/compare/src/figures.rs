@@ -41,10 +41,10 @@ pub struct Regret {
     pub max: f64,
     /// `[1]` part of the frames on which the first is the better one.
     pub first_better: f64,
-    /// `[1]` mean cost of the first.
-    pub first_cost: f64,
-    /// `[1]` mean cost of the second.
-    pub second_cost: f64,
+    /// `[1]` mean cost of first and second.
+    pub costs: [f64; 2],
+    /// `[1]` mean cost of first and second above the least that is known: the optimality gap.
+    pub gaps: [f64; 2],
 }
 
 /// Ages of a proposal when the arbiter answered its frame.
@@ -119,8 +119,8 @@ impl Regret {
             p99: quantile(&sorted, 0.99),
             max: quantile(&sorted, 1.0),
             first_better: sorted.iter().filter(|regret| **regret < 0.0).count() as f64 / count,
-            first_cost: mean(&|point| point.costs[0]),
-            second_cost: mean(&|point| point.costs[1]),
+            costs: [0, 1].map(|side| mean(&|point| point.costs[side])),
+            gaps: [0, 1].map(|side| mean(&|point| point.gap(side))),
         }
     }
 }

@@ -27,8 +27,12 @@ pub(crate) struct Point {
     /// First minus second.
     pub(crate) v_m_s: f32,
     pub(crate) w_rad_s: f32,
+    /// `[m/s, rad/s]` the same within the narrowest window.
+    pub(crate) near: [f32; 2],
     /// Costs of the best plans that begin with each.
     pub(crate) costs: [f32; 2],
+    /// The least cost that is known: of the solved plan or of one of the two.
+    pub(crate) optimum: f32,
     pub(crate) doubt: [f32; 2],
     pub(crate) x_m: f32,
     pub(crate) y_m: f32,
@@ -38,6 +42,11 @@ impl Point {
     /// `[1]` cost of the first above that of the second.
     pub(crate) fn regret(&self) -> f32 {
         self.costs[0] - self.costs[1]
+    }
+
+    /// `[1]` cost of the first (0) or the second (1) above the least that is known.
+    pub(crate) fn gap(&self, side: usize) -> f32 {
+        self.costs[side] - self.optimum
     }
 
     pub(crate) fn score(&self, rank: Rank) -> f32 {
@@ -62,6 +71,7 @@ pub(crate) struct Pair<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Judged {
     plans: [Plan; 2],
+    optimum: f32,
     ways: [[Pose2; HORIZON_STEPS]; 2],
 }
 
@@ -73,16 +83,20 @@ impl Pair<'_> {
             (plan, judge.trajectory(&plan))
         };
         let [(first, first_way), (second, second_way)] = self.twists.map(&mut one);
-        Judged { plans: [first, second], ways: [first_way, second_way] }
+        let best = judge.solve(&self.map.planning_cost, self.goal.cell as usize, self.goal.twist);
+        let optimum = best.cost.min(first.cost).min(second.cost);
+        Judged { plans: [first, second], optimum, ways: [first_way, second_way] }
     }
 
-    pub(crate) fn point(&self, judged: &Judged) -> Point {
+    pub(crate) fn point(&self, judged: &Judged, near: [Twist; 2]) -> Point {
         Point {
             time_s: self.frame.time_s,
             number: self.frame.number,
             v_m_s: self.twists[0].v_m_s - self.twists[1].v_m_s,
             w_rad_s: self.twists[0].w_rad_s - self.twists[1].w_rad_s,
+            near: [near[0].v_m_s - near[1].v_m_s, near[0].w_rad_s - near[1].w_rad_s],
             costs: judged.plans.map(|plan| plan.cost),
+            optimum: judged.optimum,
             doubt: self.doubt,
             x_m: self.map.pose.x_m as f32,
             y_m: self.map.pose.y_m as f32,

@@ -63,42 +63,50 @@ impl<T> Highest<T> {
     }
 }
 
-/// As [`Highest`], at most one per second, so that one bad moment does not fill the page.
+/// As [`Highest`], each at least a second from all others, so that one bad moment does not fill the page.
 #[derive(Debug)]
 pub(crate) struct HighestApart<T> {
-    highest: Highest<T>,
-    second: Option<(i64, f32, T)>,
+    count: usize,
+    highest: Highest<(f64, T)>,
+    second: Option<(i64, f32, f64, T)>,
 }
 
 impl<T> HighestApart<T> {
     pub(crate) fn new(count: usize) -> Self {
-        Self { highest: Highest::new(count), second: None }
+        // The best of two neighbouring seconds may be the same moment: one more is held for each side.
+        Self { count, highest: Highest::new(3 * count), second: None }
     }
 
     pub(crate) fn offer(&mut self, time_s: f64, score: f32, value: impl FnOnce() -> T) {
         let slot = time_s.floor() as i64;
         match &mut self.second {
-            Some((known, best, held)) if *known == slot => {
+            Some((known, best, at_s, held)) if *known == slot => {
                 if score > *best {
-                    (*best, *held) = (score, value());
+                    (*best, *at_s, *held) = (score, time_s, value());
                 }
             }
             _ => {
                 self.flush();
-                self.second = Some((slot, score, value()));
+                self.second = Some((slot, score, time_s, value()));
             }
         }
     }
 
     fn flush(&mut self) {
-        if let Some((_, score, value)) = self.second.take() {
-            self.highest.offer(score, || value);
+        if let Some((_, score, time_s, value)) = self.second.take() {
+            self.highest.offer(score, || (time_s, value));
         }
     }
 
     pub(crate) fn into_sorted(mut self) -> Vec<T> {
         self.flush();
-        self.highest.into_sorted()
+        let mut kept: Vec<(f64, T)> = Vec::new();
+        for (time_s, value) in self.highest.into_sorted() {
+            if kept.len() < self.count && kept.iter().all(|(other_s, _)| (other_s - time_s).abs() >= 1.0) {
+                kept.push((time_s, value));
+            }
+        }
+        kept.into_iter().map(|(_, value)| value).collect()
     }
 }
 
@@ -119,9 +127,15 @@ mod tests {
     fn one_moment_counts_once() {
         let mut apart = HighestApart::new(2);
         for i in 0..300 {
-            // The highest scores all lie in second 2; the next best of another second is at 0.99 s.
-            apart.offer(f64::from(i) * 0.01, i as f32, || i);
+            // The highest scores all lie in second 2, that of second 1 ends where second 2 begins.
+            let score = if i == 105 { 150.0 } else { i as f32 };
+            apart.offer(f64::from(i) * 0.01, score, || i);
         }
         assert_eq!(apart.into_sorted(), [299, 199]);
+        let mut close = HighestApart::new(3);
+        for (time_s, score) in [(0.2, 1.0), (1.98, 5.0), (2.02, 9.0), (4.0, 2.0)] {
+            close.offer(time_s, score, || time_s);
+        }
+        assert_eq!(close.into_sorted(), [2.02, 4.0, 0.2]);
     }
 }

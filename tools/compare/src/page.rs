@@ -52,7 +52,8 @@ impl Comparison {
         report.paragraph(
             "Both proposals are velocities within reach of the robot's own; a narrower window compares what can be reached in \
              that time. The cost J is that of eq. (6) for the best plan that begins with a proposal, on the same map and goal; \
-             regret dJ is the cost of the first above that of the second.",
+             regret dJ is the cost of the first above that of the second, the gap the cost above the least that is known (of the \
+             solved plan or of one of the two). Messages carry what can be reached in 0.3 s; the raw targets are not recorded.",
         );
         report.table(&self.error_table());
         report.figures(&self.boxes(), 2);
@@ -120,10 +121,10 @@ impl Comparison {
         };
         vec![
             (format!("{:.1} %", 100.0 * figures.agreement.share), "of frames agree (0.09 m/s and 0.3 rad/s)"),
-            (format!("{:.4} m/s", errors.v_mean), "mean error of v within 0.1 s"),
-            (format!("{:.4} rad/s", errors.w_mean), "mean error of w within 0.1 s"),
-            (format!("{:.3}", figures.regret.mean), "mean regret dJ"),
-            (format!("{:.2}", figures.regret.p99), "regret dJ, 99 of 100 frames"),
+            (format!("{:.3}", errors.v_mean), "m/s, mean error of v within 0.1 s"),
+            (format!("{:.3}", errors.w_mean), "rad/s, mean error of w within 0.1 s"),
+            (format!("{:.3}", figures.regret.gaps[0]), "mean optimality gap of the first"),
+            (format!("{:.3}", figures.regret.gaps[1]), "of the second"),
             (format!("{:.0}", sums(&|conduct| conduct.takeover_count() as f64)), "changes of who drives"),
             (
                 format!("{:.2} s", sums(&crate::conduct::Conduct::changed_s)),
@@ -161,13 +162,15 @@ impl Comparison {
                 &[-w, w],
             ),
         ];
+        let gap = |side: usize| self.line(move |point| point.gap(side).into());
         let mut regret = LinePlot::new(
-            &format!("Optimality gap: cost J of the {first}'s proposal above the {second}'s"),
+            "Optimality gap: cost J above the least that is known",
             self.time(),
-            Axis::new("regret dJ", "1"),
+            Axis::new("gap", "1"),
         )
-        .series("regret", Ink::Purple, self.line(|point| point.regret().into()));
-        (regret.gap, regret.height) = (GAP_S, 230.0);
+        .series(second, INKS[1], gap(1))
+        .series(first, INKS[0], gap(0));
+        (regret.gap, regret.height) = (GAP_S, 250.0);
         figures.push(regret.figure());
         figures.extend(self.recordings.iter().zip(["A", "B"]).map(|(read, letter)| {
             let whose = if self.recordings.len() > 1 { format!(" in {letter}") } else { String::new() };
@@ -204,32 +207,24 @@ impl Comparison {
     }
 
     fn boxes(&self) -> [Figure; 2] {
-        let boxes = |title: &str, unit: &str, limit: f32, number: &dyn Fn(&Point) -> f32, ink| {
-            let calm = |point: &&Point| f64::from(point.regret()) <= self.figures.regret.p90;
-            let all = Spread::of(self.points.iter().map(|point| number(point).abs().into()));
-            let calm = Spread::of(self.points.iter().filter(calm).map(|point| number(point).abs().into()));
-            let dear = Spread::of(
-                self.points
-                    .iter()
-                    .filter(|point| f64::from(point.regret()) > self.figures.regret.p90)
-                    .map(|point| number(point).abs().into()),
-            );
-            let named = [("all frames", all), ("the cheap 90 %", calm), ("the dear 10 %", dear)];
+        let boxes = |title: &str, unit: &str, limit: f32, numbers: [&dyn Fn(&Point) -> f32; 2], ink| {
+            let spread = |number: &dyn Fn(&Point) -> f32| {
+                Spread::of(self.points.iter().map(|point| number(point).abs().into()))
+            };
+            let named = ["within 0.1 s", "within 0.3 s"].into_iter().zip(numbers.map(spread));
             Boxes {
                 title: title.into(),
                 y: Axis::new("absolute error", unit),
-                boxes: named
-                    .into_iter()
-                    .filter_map(|(name, spread)| Some((name.into(), ink, spread?)))
-                    .collect(),
+                boxes: named.filter_map(|(name, spread)| Some((name.into(), ink, spread?))).collect(),
                 marks: vec![(limit.into(), format!("{limit} {unit}"))],
             }
             .figure()
         };
+        let v: [&dyn Fn(&Point) -> f32; 2] = [&|point| point.near[0], &|point| point.v_m_s];
+        let w: [&dyn Fn(&Point) -> f32; 2] = [&|point| point.near[1], &|point| point.w_rad_s];
         [
-            boxes("Error of the speed v", "m/s", LARGE_V_M_S, &|point| point.v_m_s, Ink::Blue),
-            boxes("Error of the turn rate w", "rad/s", LARGE_W_RAD_S, &|point| point.w_rad_s, Ink::Vermilion)
-                .caption("Box: quartiles. Whiskers: within 1.5 boxes. Dear: the tenth of highest regret."),
+            boxes("Error of the speed v", "m/s", LARGE_V_M_S, v, Ink::Blue),
+            boxes("Error of the turn rate w", "rad/s", LARGE_W_RAD_S, w, Ink::Vermilion),
         ]
     }
 
@@ -259,11 +254,11 @@ impl Comparison {
             clouds.iter().flat_map(|cloud| &cloud.points).fold(0.05, |most: f64, point| most.max(point.0));
         let end = most.min(1.0);
         let caught = self.figures.doubt_catches.map_or_else(
-            || "No frame disagrees, or the first has no measure of doubt.".to_owned(),
-            |part| format!("The tenth of most doubt holds {:.0} % of the disagreements.", 100.0 * part),
+            || "No frame disagrees, or there is no measure of doubt.".to_owned(),
+            |part| format!("Does it know when it is wrong? The tenth of most doubt holds {:.0} % of the disagreements.", 100.0 * part),
         );
         Scatter {
-            title: format!("Does the {} know when it is wrong?", self.names[0]),
+            title: "Doubt against error".into(),
             x: Axis::new("doubt, part of the window", "1").over(0.0, end),
             y: Axis::new("error, part of the window", "1"),
             clouds,
@@ -411,7 +406,7 @@ fn strip(title: &str, time: Axis, winners: &[Stretch], reasons: &[Stretch]) -> F
     };
     let rows = vec![
         ("winner".to_owned(), spans(winners, &|code| Some(winner(code)))),
-        ("intervention".to_owned(), spans(reasons, &changed)),
+        ("changed".to_owned(), spans(reasons, &changed)),
     ];
     let meanings = [
         ("policy", Ink::Blue),
@@ -469,9 +464,9 @@ fn picture(shown: &Shown, footprint_m: &[[f32; 2]], names: [&str; 2]) -> Result<
         ));
     }
     let mut notes = Vec::new();
-    for side in 0..2 {
+    for (side, width_px) in [(0, 8.0), (1, 5.0)] {
         let (v, w) = (shown.v_m_s[side], shown.w_rad_s[side]);
-        overlays.push(Overlay::Arrow(held(v, w), INKS[side]));
+        overlays.push(Overlay::Arrow(held(v, w), INKS[side], width_px));
         notes.push((
             INKS[side],
             format!("{}: {v:.2} m/s, {w:+.2} rad/s, J {:.2}", names[side], shown.costs[side]),
@@ -479,7 +474,7 @@ fn picture(shown: &Shown, footprint_m: &[[f32; 2]], names: [&str; 2]) -> Result<
     }
     if let Some(command) = &shown.command {
         let Twist { v_m_s, w_rad_s } = command.twist;
-        overlays.push(Overlay::Arrow(held(v_m_s, w_rad_s), ARBITER));
+        overlays.push(Overlay::Arrow(held(v_m_s, w_rad_s), ARBITER, 2.2));
         notes.push((ARBITER, format!("arbiter: {v_m_s:.2} m/s, {w_rad_s:+.2} rad/s")));
     }
     let title = format!("{:.2} s, regret {:.2}", shown.time_s, shown.regret);

@@ -47,14 +47,17 @@ impl Comparison {
         );
         let _ = writeln!(
             text,
-            "regret dJ    mean {:.3}, p50 {:.3}, p90 {:.3}, p99 {:.3}, max {:.3}; mean J {:.3} and {:.3}",
+            "cost J       mean {:.3} and {:.3}, above the optimum {:.3} and {:.3}\n\
+             regret dJ    mean {:.3}, p50 {:.3}, p90 {:.3}, p99 {:.3}, max {:.3}",
+            regret.costs[0],
+            regret.costs[1],
+            regret.gaps[0],
+            regret.gaps[1],
             regret.mean,
             regret.p50,
             regret.p90,
             regret.p99,
-            regret.max,
-            regret.first_cost,
-            regret.second_cost
+            regret.max
         );
         if let Some(part) = figures.doubt_catches {
             let _ = writeln!(

@@ -8,7 +8,7 @@ use crate::style::Ink;
 /// `[px]` width and height of the map within its figure.
 const SIDE_PX: f64 = 272.0;
 /// `[px]` room left of the map and above it.
-const LEFT_PX: f64 = 34.0;
+const LEFT_PX: f64 = 44.0;
 const TOP_PX: f64 = 46.0;
 
 /// What a cell looks like.
@@ -33,7 +33,7 @@ impl Shade {
                 blend([253.0, 252.0, 249.0], [236.0, 205.0, 155.0], value / sharp.max(1e-6))
             }
             Self::Filled(value) => {
-                blend([176.0, 122.0, 72.0], [38.0, 34.0, 38.0], (value - sharp) / (1.0 - sharp).max(1e-6))
+                blend([160.0, 122.0, 88.0], [74.0, 78.0, 88.0], (value - sharp) / (1.0 - sharp).max(1e-6))
             }
         }
     }
@@ -63,8 +63,8 @@ pub enum Overlay {
     Goal(f64, f64),
     /// A line through points, dashed or not.
     Line(Vec<(f64, f64)>, Ink, bool),
-    /// A line through points that ends in a head; a dot where it has no length.
-    Arrow(Vec<(f64, f64)>, Ink),
+    /// A line through points that ends in a head, of this width in pixels; a dot where it has no length.
+    Arrow(Vec<(f64, f64)>, Ink, f64),
     /// The outline of the robot.
     Footprint(Vec<(f64, f64)>),
 }
@@ -111,7 +111,7 @@ impl MapPicture {
             canvas.text(x, TOP_PX + SIDE_PX + 17.0, "small soft m", &number(metre as f64, 0));
         }
         canvas.text(LEFT_PX - 6.0, TOP_PX + 10.0, "small soft e", "x [m]");
-        canvas.text(LEFT_PX + SIDE_PX, TOP_PX + SIDE_PX + 17.0, "small soft e", "y [m]");
+        canvas.text(LEFT_PX + SIDE_PX + 12.0, TOP_PX + SIDE_PX + 17.0, "small soft e", "y [m]");
         canvas.raw(&format!(
             "<g class=\"map\">\n<svg x=\"{LEFT_PX}\" y=\"{TOP_PX}\" width=\"{SIDE_PX}\" height=\"{SIDE_PX}\" \
              viewBox=\"{LEFT_PX} {TOP_PX} {SIDE_PX} {SIDE_PX}\">\n"
@@ -129,7 +129,7 @@ impl MapPicture {
             canvas.rect((LEFT_PX, bottom - 14.5), (14.0, 9.0), &format!("f-{}", ink.name()));
             canvas.text(LEFT_PX + 20.0, bottom - 6.0, "small", note);
         }
-        Ok(canvas.figure(&self.title, LEFT_PX + SIDE_PX + 12.0, bottom))
+        Ok(canvas.figure(&self.title, LEFT_PX + SIDE_PX + 14.0, bottom))
     }
 }
 
@@ -155,20 +155,20 @@ fn draw(canvas: &mut Canvas, overlay: &Overlay, place: &impl Fn(&(f64, f64)) -> 
             let points: Vec<_> = points.iter().map(place).collect();
             canvas.polygon(&points, "s-text", "fill:#fff;fill-opacity:.75;stroke-width:1.4");
         }
-        Overlay::Arrow(points, ink) => {
+        Overlay::Arrow(points, ink, width_px) => {
             let points: Vec<_> = points.iter().map(place).collect();
-            arrow(canvas, &points, *ink);
+            arrow(canvas, &points, *ink, *width_px);
         }
     }
 }
 
 /// A line with a head at its end, in pixels.
-fn arrow(canvas: &mut Canvas, points: &[(f64, f64)], ink: Ink) {
+fn arrow(canvas: &mut Canvas, points: &[(f64, f64)], ink: Ink, width_px: f64) {
     let (Some(&first), Some(&tip)) = (points.first(), points.last()) else { return };
     let name = ink.name();
     let length = points.windows(2).map(|pair| distance(pair[0], pair[1])).sum::<f64>();
     if length < 3.0 {
-        canvas.circle(first, 5.0, &format!("f-{name}"));
+        canvas.circle(first, 3.0 + width_px, &format!("f-{name}"));
         return;
     }
     // The head points from where the line was some pixels before its end.
@@ -178,11 +178,12 @@ fn arrow(canvas: &mut Canvas, points: &[(f64, f64)], ink: Ink) {
     let corner = |along: f64, across: f64| {
         (tip.0 + along * along_x - across * along_y, tip.1 + along * along_y + across * along_x)
     };
-    let head = [corner(7.0, 0.0), corner(-4.0, 6.5), corner(-4.0, -6.5)];
-    canvas.raw("<g style=\"stroke-width:6\">");
+    let (long, wide) = (3.5 + 1.4 * width_px, 2.6 + 1.3 * width_px);
+    let head = [corner(long, 0.0), corner(-3.0, wide), corner(-3.0, -wide)];
+    canvas.raw(&format!("<g style=\"stroke-width:{}\">", number(width_px + 2.0, 1)));
     canvas.path(points, "halo");
-    canvas.raw("</g><g style=\"stroke-width:3.4\">");
-    canvas.path(points, &format!("s-{name} stem"));
+    canvas.raw(&format!("</g><g style=\"stroke-width:{}\">", number(width_px, 1)));
+    canvas.path(points, &format!("stem s-{name}\" style=\"stroke-width:inherit"));
     canvas.raw("</g>");
     canvas.polygon(&head, &format!("f-{name}"), "stroke:#fff;stroke-width:1");
 }

@@ -13,6 +13,9 @@ const STEP_PX: f64 = 1.0;
 /// Places of a joined line; of a longer one every second, third and so on is kept.
 const PLACES: usize = 6000;
 
+/// So few points are drawn large.
+const FEW: usize = 60;
+
 /// Points of one kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cloud {
@@ -104,6 +107,8 @@ fn draw(canvas: &mut Canvas, cloud: &Cloud, x: &Scale, y: &Scale) {
         let stride = line.len().div_ceil(PLACES).max(1);
         let line: Vec<_> = line.into_iter().step_by(stride).map(centre).collect();
         canvas.path(&line, &format!("line s-{name}"));
+    } else if cloud.points.len() <= FEW {
+        cells.for_each(|place| canvas.circle(centre(place), 6.0, &format!("mark f-{name}")));
     } else {
         let cells: BTreeSet<_> = cells.collect();
         let dots: Vec<[(f64, f64); 1]> = cells.into_iter().map(|place| [centre(place)]).collect();

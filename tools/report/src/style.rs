@@ -48,9 +48,9 @@ const DARK: &str = "--paper:#14171b;--panel:#1b1f25;--text:#e6e8eb;--soft:#a5adb
 const FIGURES: &str = "text{font-family:system-ui,-apple-system,\"Segoe UI\",sans-serif;font-size:14px;fill:var(--text)}\
 .soft{fill:var(--soft)}.small{font-size:12.5px}.strong{font-weight:600}.e{text-anchor:end}.m{text-anchor:middle}\
 .grid{stroke:var(--rule);stroke-width:1;fill:none}.axis{stroke:var(--soft);stroke-width:1;fill:none}\
-.line{fill:none;stroke-width:1.6;stroke-linejoin:round;stroke-linecap:round}.dash{stroke-dasharray:6 4}\
+.line,.stem{fill:none;stroke-width:1.6;stroke-linejoin:round;stroke-linecap:round}.dash{stroke-dasharray:6 4}\
 .dots{fill:none;stroke-width:3.6;stroke-linecap:round;opacity:.45}.panel{fill:var(--panel);stroke:var(--rule)}\
-.card{fill:var(--paper)}.halo{stroke:#fff;stroke-opacity:.85;fill:none;stroke-linejoin:round;stroke-linecap:round}";
+.card{fill:var(--paper)}.mark{stroke:var(--paper);stroke-width:1.5}.median{stroke-width:2.6}.halo{stroke:#fff;stroke-opacity:.85;fill:none;stroke-linejoin:round;stroke-linecap:round}";
 
 const INKS: [Ink; 8] =
     [Ink::Blue, Ink::Vermilion, Ink::Green, Ink::Orange, Ink::Purple, Ink::Sky, Ink::Grey, Ink::Text];
@@ -91,9 +91,9 @@ td.n,th.n{text-align:right}tr+tr td{border-top:1px solid var(--rule)}th span{fon
 figure{margin:14px 0 20px}figcaption{color:var(--soft);font-size:14.5px;max-width:90ch}svg{display:block;width:100%;height:auto}\
 .row{display:grid;gap:18px}.row figure{margin:0}.c2{grid-template-columns:repeat(2,1fr)}.c3{grid-template-columns:repeat(3,1fr)}\
 @media(max-width:760px){.c2,.c3{grid-template-columns:1fr}}\
-.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin:18px 0}\
-.tile{background:var(--panel);border:1px solid var(--rule);border-radius:8px;padding:10px 14px}\
-.tile b{display:block;font-size:24px;line-height:1.25;font-variant-numeric:tabular-nums}.tile span{color:var(--soft);font-size:14px}",
+.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(128px,1fr));gap:12px;margin:18px 0}\
+.tile{background:var(--panel);border:1px solid var(--rule);border-radius:8px;padding:10px 12px;line-height:1.35}\
+.tile b{display:block;font-size:23px;line-height:1.3;font-variant-numeric:tabular-nums}.tile span{color:var(--soft);font-size:13.5px}",
     );
     sheet.push_str(FIGURES);
     sheet.push_str(&inks());

@@ -26,8 +26,8 @@ fn map() -> Figure {
         Overlay::Footprint(vec![(0.14, 0.28), (-0.14, 0.28), (-0.14, -0.28), (0.14, -0.28)]),
         Overlay::Goal(1.8, 0.6),
         Overlay::Line(bend.clone(), Ink::Blue, true),
-        Overlay::Arrow(bend, Ink::Vermilion),
-        Overlay::Arrow(vec![(0.0, 0.0)], Ink::Green),
+        Overlay::Arrow(bend, Ink::Vermilion, 4.0),
+        Overlay::Arrow(vec![(0.0, 0.0)], Ink::Green, 2.0),
     ];
     let (title, subtitle) = ("12.3 s <&> \"quoted\"".into(), "regret 0.3".into());
     MapPicture { title, subtitle, cells, overlays, notes: vec![(Ink::Blue, "a & b".into())] }
