@@ -76,7 +76,7 @@ pub(crate) fn record(arguments: RecordArguments) -> Result<(), Failure> {
         black_box_mb: 0,
         flush_period_s: 0.5,
         queue_small: 1024,
-        queue_large: 16,
+        queue_large: 48,
         attach: Vec::new(),
         view: true,
     };
