@@ -11,6 +11,7 @@ mod error;
 mod feed;
 mod info;
 mod key;
+mod lengths;
 mod message;
 mod node;
 mod recording;
