@@ -42,7 +42,7 @@ impl Config {
         if !(self.start_offset_s >= 0.0 && self.start_offset_s <= 1e6) {
             return wrong("start_offset_s", self.start_offset_s, "0 to 1e6");
         }
-        if !(self.duration_s > 0.0) {
+        if self.duration_s.is_nan() || self.duration_s <= 0.0 {
             return wrong("duration_s", self.duration_s, "more than 0, inf for all");
         }
         Selection::of(self).map(|_| ())

@@ -116,7 +116,7 @@ impl Info {
     /// [`PlayerError::Read`] or [`PlayerError::NotMcap`]; damage within is told by [`Info::damage`].
     pub fn read(path: &Path) -> Result<Self, PlayerError> {
         // Opening the scan checks that this is an MCAP file.
-        let mut scan = Scan::open(path, Extent::Whole)?;
+        let mut scan = Scan::through(path, Extent::Whole)?;
         let fault = |source| PlayerError::read(path, source);
         let mut file = File::open(path).map_err(fault)?;
         let size_bytes = file.metadata().map_err(fault)?.len();
@@ -202,7 +202,7 @@ fn summary_start(file: &mut File, size_bytes: u64) -> Option<u64> {
 
 /// Reads the summary of a complete file; `None` where there is none or it does not tell enough.
 fn summary(path: &Path, file: &mut File, size_bytes: u64, tally: &mut Tally) -> Option<()> {
-    let mut scan = Scan::open(path, Extent::Whole).ok()?;
+    let mut scan = Scan::through(path, Extent::Whole).ok()?;
     scan.seek(summary_start(file, size_bytes)?).ok()?;
     let mut statistics: Option<Statistics> = None;
     let mut places = Vec::new();
@@ -262,7 +262,7 @@ fn read_record(file: &mut File, offset: u64, size_bytes: u64) -> Option<(u8, Vec
 /// # Errors
 /// [`PlayerError::Read`], [`PlayerError::NotMcap`], or [`PlayerError::Damaged`] where there is no such file within.
 pub fn attachment(path: &Path, name: &str) -> Result<Vec<u8>, PlayerError> {
-    let mut scan = Scan::open(path, Extent::Whole)?;
+    let mut scan = Scan::through(path, Extent::Whole)?;
     loop {
         let found = scan.next(|record| match record {
             Record::Attachment { header, data, .. } if header.name == name => Some(data.to_vec()),

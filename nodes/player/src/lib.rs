@@ -12,6 +12,7 @@ mod feed;
 mod foreign;
 mod info;
 mod key;
+mod lengths;
 mod message;
 mod node;
 mod recording;

@@ -2,7 +2,7 @@
 
 use crate::error::PlayerError;
 use crate::message::{Decoder, Entry};
-use crate::scan::{Extent, Scan};
+use crate::scan::Scan;
 use crate::selection::Renamed;
 use mcap::records::Record;
 use std::cmp::Reverse;
@@ -41,7 +41,7 @@ impl Messages {
 
     /// As [`Messages::open`], with other names for some channels.
     pub(crate) fn renaming(path: &Path, renamed: Renamed) -> Result<Self, PlayerError> {
-        let (scan, decoder) = (Scan::open(path, Extent::Data)?, Decoder::renaming(renamed));
+        let (scan, decoder) = (Scan::open(path)?, Decoder::renaming(renamed));
         Ok(Self { scan, decoder, failed: false, other_channels: Vec::new() })
     }
 

@@ -70,7 +70,7 @@ pub fn salvage<E: From<PlayerError>>(
     mut write: impl FnMut(&Record) -> Result<bool, E>,
 ) -> Result<Salvage, E> {
     let size_bytes = std::fs::metadata(path).map_err(|source| PlayerError::read(path, source))?.len();
-    let mut scan = Scan::open(path, Extent::Salvage)?;
+    let mut scan = Scan::through(path, Extent::Salvage)?;
     let mut watch = Watch::default();
     let mut refused = 0;
     loop {

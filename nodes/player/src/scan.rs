@@ -5,6 +5,7 @@
 
 use crate::chunk::Chunk;
 use crate::error::PlayerError;
+use crate::lengths;
 use mcap::records::{Record, op};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -76,7 +77,13 @@ fn foreign(first: &[u8]) -> (String, &'static str) {
 }
 
 impl Scan {
-    pub(crate) fn open(path: &Path, extent: Extent) -> Result<Self, PlayerError> {
+    /// The data of a file.
+    pub(crate) fn open(path: &Path) -> Result<Self, PlayerError> {
+        Self::through(path, Extent::Data)
+    }
+
+    /// As much of a file as `extent` says.
+    pub(crate) fn through(path: &Path, extent: Extent) -> Result<Self, PlayerError> {
         let fault = |source| PlayerError::read(path, source);
         let mut file = BufReader::new(File::open(path).map_err(fault)?);
         let mut first = Vec::new();
@@ -276,22 +283,10 @@ impl Scan {
     }
 }
 
-/// Whether an attachment is as long as its own lengths say; the library trusts them.
-fn is_whole_attachment(body: &[u8]) -> bool {
-    let text = |rest: &mut &[u8]| -> Option<()> {
-        let (length, after) = rest.split_first_chunk::<4>()?;
-        *rest = after.get(u32::from_le_bytes(*length) as usize..)?;
-        Some(())
-    };
-    let mut rest = body.get(16..).unwrap_or_default();
-    // Name, media type; then the length of the data, the data, and their sum.
-    text(&mut rest).and_then(|()| text(&mut rest)).is_some() && rest.len() >= 12
-}
-
 /// A record from its bytes.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
-    if opcode == op::ATTACHMENT && !is_whole_attachment(body) {
-        return Err("an attachment is shorter than it says".into());
+    if !lengths::fit(opcode, body) {
+        return Err(format!("a record of kind {opcode} is shorter than it says"));
     }
     mcap::parse_record(opcode, body).map_err(|error| error.to_string())
 }

@@ -116,7 +116,7 @@ fn check(path: &Path) -> usize {
     let expected: Value = serde_json::from_str(&text).unwrap();
     let expected: Vec<(String, Value)> =
         expected["records"].as_array().unwrap().iter().map(field_table).collect();
-    let mut scan = Scan::open(path, Extent::Whole).unwrap();
+    let mut scan = Scan::through(path, Extent::Whole).unwrap();
     let mut found = Vec::new();
     while let Some(record) = scan.next(|record| told(record).map(|(kind, fields)| (kind.to_owned(), fields)))
     {
@@ -240,7 +240,7 @@ fn files_of_other_programs_are_read_with_the_counts_that_others_find_in_them() {
             "{name}: {info:?}"
         );
         // Counted one by one it is the same: the summary, the sums and the padding agree.
-        let mut scan = Scan::open(&folder.join(name), Extent::Data).unwrap();
+        let mut scan = Scan::open(&folder.join(name)).unwrap();
         let mut counted = 0;
         while let Some(message) = scan.next(|record| matches!(record, Record::Message { .. })) {
             counted += u64::from(message.unwrap());

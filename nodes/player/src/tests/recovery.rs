@@ -37,7 +37,7 @@ fn sum(data: &[u8]) -> u64 {
 
 /// What must not change: everything but sums and indices. Schemas and channels, which a file may repeat, come apart.
 fn content(path: &Path, extent: Extent) -> (Vec<String>, Vec<String>) {
-    let mut scan = Scan::open(path, extent).unwrap();
+    let mut scan = Scan::through(path, extent).unwrap();
     let (mut declared, mut said): (Vec<String>, Vec<String>) = Default::default();
     while let Some(outcome) = scan.next(|record| match record {
         Record::Schema { .. } | Record::Channel(_) => declared.push(format!("{record:?}")),
@@ -109,7 +109,7 @@ fn a_complete_file_is_saved_whole_and_counts_no_loss() {
     let copy = Scratch::new("complete-copy", &copy);
     assert_eq!(content(&file.0, Extent::Data), content(&copy.0, Extent::Data));
     // What lacks only its end has lost nothing that the file holds.
-    let data = Scan::open(&file.0, Extent::Data).map(|mut scan| {
+    let data = Scan::open(&file.0).map(|mut scan| {
         while scan.next(|_| ()).is_some() {}
         scan.offset()
     });
