@@ -42,3 +42,6 @@ mod shipped;
 
 // Recordings as a user meets them.
 mod recordings;
+
+// Where policy and expert disagree in a recording.
+mod compare;
