@@ -55,3 +55,5 @@ mod driver;
 mod bags;
 // Recordings played in lockstep, in part, by the keyboard; and saved from a cut.
 mod play;
+// Where policy and expert disagree in a recording.
+mod compare;

@@ -1,5 +1,6 @@
 //! Lockstep as its driver sees it: one question at a time, answered by the arbiter's command before the next is put.
 
+use crate::absent::Absent;
 use crate::bookmark::Bookmark;
 use crate::boot::Boot;
 use crate::clock::{host_ns, pause};
@@ -9,13 +10,11 @@ use crate::link::Link;
 use crate::step::Step;
 use sidestep_msgs::{
     Command, EXPERT_COMMAND, HEALTH_RECORDER, Header, Health, LOCAL_GOAL, LOCAL_MAP, LocalGoal, LocalMap,
-    POLICY_COMMAND, Proposal, SAFETY_MAP, SafetyMap, health_topic,
+    POLICY_COMMAND, Proposal, SAFETY_MAP, SafetyMap,
 };
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Whoever must beat before time begins, as far as the graph has them.
-const AWAITED: &[&str] = &["mapper", "goal", "policy", "expert", "arbiter", "recorder"];
 /// `[ns]` host time that an answer may take, and silence after which a recorder is not waited for.
 const PATIENCE_NS: u64 = 2_000_000_000;
 /// Questions, and frames among them, that the recorder may be behind: one frame less than its ring holds.
@@ -71,8 +70,7 @@ pub struct Answers {
     goals: Inbox<LocalGoal>,
     policy: Inbox<Proposal>,
     expert: Inbox<Proposal>,
-    /// Nodes of the graph that did not beat yet.
-    absent: Vec<Inbox<Health>>,
+    absent: Absent,
 }
 
 impl std::fmt::Debug for Answers {
@@ -87,12 +85,6 @@ impl Answers {
     /// # Errors
     /// [`NodeError::Transport`], or what the boot says of the graph file.
     pub fn open(link: &Link, boot: &Boot) -> Result<Self, NodeError> {
-        let mut absent = Vec::new();
-        for node in AWAITED {
-            if let Some(topic) = health_topic(node).filter(|_| boot.has_node(node).unwrap_or(false)) {
-                absent.push(link.inbox(topic, Keep::Newest)?);
-            }
-        }
         let recorder = boot.has_node("recorder")?.then(|| Behind::open(link, boot)).transpose()?;
         Ok(Self {
             asked: None,
@@ -103,7 +95,7 @@ impl Answers {
             goals: link.inbox(LOCAL_GOAL, Keep::Newest)?,
             policy: link.inbox(POLICY_COMMAND, Keep::Newest)?,
             expert: link.inbox(EXPERT_COMMAND, Keep::Newest)?,
-            absent,
+            absent: Absent::open(link, boot)?,
         })
     }
 
@@ -125,8 +117,7 @@ impl Answers {
     /// [`NodeError::Silent`] with the node that did not answer in time, or [`NodeError::Transport`].
     pub fn may_ask(&mut self, step: &mut Step) -> Result<bool, NodeError> {
         let Some((question, since_ns)) = self.asked else {
-            // Heartbeats are of host time, and no input of what follows.
-            return self.all_ready(&mut Step::new());
+            return self.absent.are_none();
         };
         if self.answered {
             return self.recorder.as_mut().map_or(Ok(true), Behind::catches_up);
@@ -148,18 +139,6 @@ impl Answers {
         if let Some(recorder) = &mut self.recorder {
             recorder.told.push_back((clock_sequence, matches!(question, Question::Frame { .. })));
         }
-    }
-
-    fn all_ready(&mut self, step: &mut Step) -> Result<bool, NodeError> {
-        let mut error = None;
-        self.absent.retain_mut(|inbox| match inbox.newest(step) {
-            Ok(beat) => beat.is_none(),
-            Err(found) => {
-                error = Some(found);
-                true
-            }
-        });
-        error.map_or(Ok(self.absent.is_empty()), Err)
     }
 
     /// The first node on the way that did not speak of a frame.

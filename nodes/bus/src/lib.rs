@@ -19,6 +19,7 @@
 //! })
 //! ```
 
+mod absent;
 mod answers;
 mod bookmark;
 mod boot;
@@ -32,6 +33,7 @@ mod link;
 mod outbox;
 mod step;
 
+pub use absent::Absent;
 pub use answers::{Answers, Question};
 pub use bookmark::Bookmark;
 pub use boot::{Boot, environment};

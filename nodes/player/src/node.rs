@@ -6,9 +6,12 @@ mod spouts;
 
 use crate::{Config, Control, Feed, Next, Schedule, Selection};
 use keys::Keys;
-use sidestep_bus::{Boot, Link, NodeError, Outbox, Step, host_ns};
+use sidestep_bus::{Absent, Boot, Link, NodeError, Outbox, Step, host_ns};
 use sidestep_msgs::{CLOCK, Clock};
 use spouts::{Spouts, is_frame, refused};
+
+/// `[ns]` pause between two looks whether every node is there: who began at once would lose the first frames.
+const LOOK_NS: u64 = 2_000_000;
 
 /// Graph time of a playback, as it is told.
 struct Time {
@@ -57,8 +60,13 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
 fn play(link: Link, boot: &Boot, mut feed: Feed, mut time: Time) -> Result<(), NodeError> {
     let mut spouts = Spouts::open(&link)?;
     let keys = Keys::listen(boot)?;
+    let mut absent = Absent::open(&link, boot)?;
     let mut jumping = false;
     link.run_while(|step| {
+        if !absent.are_none()? {
+            step.wake_at(step.deadline(LOOK_NS));
+            return Ok(true);
+        }
         time.press(&keys, step)?;
         while let Some(next) = feed.peek().map_err(|error| refused(&error))? {
             let Next::Message(entry) = next else {

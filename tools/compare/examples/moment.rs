@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     .ok_or("no frame to draw")?;
     let robot = String::from_utf8(attachment(&file, "robot.toml")?)?;
     let robot = Robot::from_toml("robot.toml", &robot)?;
-    let map = shown.figure(&robot.footprint.polygon_m)?;
+    let map = shown.figure(&robot.footprint.polygon_m, ["policy", "expert"])?;
     let depth = depth_picture(&file, shown.frame)?;
     println!("{}", Figure::sheet("One moment of a recording", &[depth, map], 2).svg());
     Ok(())

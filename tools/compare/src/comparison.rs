@@ -182,6 +182,8 @@ fn read(source: &Source, mut show: impl FnMut(&Frame)) -> Result<Read, CompareEr
     conduct.finish();
     let mut origin = source.origin.clone();
     origin.damage = origin.damage.or_else(|| messages.damage().map(str::to_owned));
+    // In lockstep a drive is recorded faster or slower than it was; its own time is what counts.
+    origin.duration_s = seconds.last_s();
     let (ages, latency_ms) = (Ages::of(&conduct), latency.json());
     Ok(Read { origin, coverage: joiner.coverage, conduct, ages, latency_ms })
 }

@@ -1,7 +1,7 @@
 //! Two proposals about one frame, and what is kept of them.
 
 use crate::join::Frame;
-use crate::page::frame_picture;
+use crate::picture::picture;
 use serde::Serialize;
 use sidestep_expert::{HORIZON_STEPS, Judge, Plan};
 use sidestep_msgs::{AGE_NEVER, Command, LocalGoal, LocalMap, Pose2, Twist};
@@ -115,7 +115,7 @@ impl Pair<'_> {
             from_v_m_s: self.goal.twist.v_m_s,
             from_w_rad_s: self.goal.twist.w_rad_s,
             goal_m: [self.goal.x_m, self.goal.y_m],
-            map: self.map.clone(),
+            map: *self.map,
             goal_cell_m: [self.goal.cell_x_m, self.goal.cell_y_m],
             ways: judged.ways.each_ref().map(way),
             command: self.frame.command,
@@ -167,11 +167,11 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// Map, goal, both proposals with the best plans that begin with them, and what the arbiter commanded.
+    /// Map, goal, both proposals by name with the best plans that begin with them, and what the arbiter commanded.
     ///
     /// # Errors
     /// Where the picture cannot be made.
-    pub fn figure(&self, footprint_m: &[[f32; 2]]) -> Result<Figure, ReportError> {
-        frame_picture(self, footprint_m)
+    pub fn figure(&self, footprint_m: &[[f32; 2]], names: [&str; 2]) -> Result<Figure, ReportError> {
+        picture(self, footprint_m, names)
     }
 }

@@ -58,6 +58,10 @@ pub(crate) struct Seconds {
 }
 
 impl Seconds {
+    pub(crate) fn last_s(&self) -> f64 {
+        self.last_s
+    }
+
     pub(crate) fn of(&mut self, epoch: u32, now_ns: u64) -> f64 {
         if self.epoch != Some(epoch) {
             (self.epoch, self.base_ns, self.start_s) = (Some(epoch), now_ns, self.last_s);

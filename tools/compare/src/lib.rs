@@ -13,6 +13,7 @@ mod frames;
 mod join;
 mod keep;
 mod page;
+mod picture;
 mod source;
 mod text;
 

@@ -1,25 +1,20 @@
 //! A comparison as a report, and its pictures.
 
 use crate::comparison::Comparison;
-use crate::conduct::{Stretch, reason_label};
+use crate::conduct::{Conduct, Episodes, Stretch};
 use crate::error::CompareError;
+use crate::figures::Ages;
 use crate::frames::{Point, Shown};
-use sidestep_msgs::{AGE_NEVER, Code, LOCAL_GRID, LOCAL_SIDE, Pose2, Reason, Twist, Winner};
+use crate::picture::INKS;
+use sidestep_msgs::{Code, Reason, Winner};
 use sidestep_report::{
-    Axis, Bars, Boxes, Cells, Cloud, Figure, Ink, LinePlot, MapPicture, Overlay, Report, ReportError,
-    Scatter, Shade, Span, Spread, Strip, Table,
+    Axis, Bars, Boxes, Cloud, Figure, Ink, LinePlot, Report, ReportError, Scatter, Span, Spread, Strip, Table,
 };
 use sidestep_train::{Errors, LARGE_V_M_S, LARGE_W_RAD_S};
+use std::collections::BTreeMap;
 
-/// Inks of the first and the second, and of the arbiter.
-const INKS: [Ink; 2] = [Ink::Blue, Ink::Vermilion];
-const ARBITER: Ink = Ink::Green;
 /// `[s]` a longer silence breaks a line.
 const GAP_S: f64 = 0.5;
-/// `[s]` a velocity drawn as an arrow is held this long.
-const ARROW_S: f64 = 1.0;
-/// `[1]` eq. (6c): planning cost above this is not safe.
-const LIMIT: f32 = 0.4;
 
 impl Comparison {
     /// The report, all in one page.
@@ -81,13 +76,13 @@ impl Comparison {
         let [_, _, regret, strips @ ..] = &self.over_time()[..] else { return Ok(self.way()) };
         let three =
             self.worst.iter().take(3).map(|shown| self.picture(shown)).collect::<Result<Vec<_>, _>>()?;
-        let maps = Figure::sheet("the worst frames", &three, 3);
+        let maps = Figure::sheet("The worst frames", &three, 3);
         let all: Vec<_> = [regret.clone()].into_iter().chain(strips.iter().cloned()).chain([maps]).collect();
         Ok(Figure::stack(&format!("{} against {}", self.names[0], self.names[1]), &all))
     }
 
     fn picture(&self, shown: &Shown) -> Result<Figure, ReportError> {
-        picture(shown, &self.robot.footprint.polygon_m, [&self.names[0], &self.names[1]])
+        shown.figure(&self.robot.footprint.polygon_m, [&self.names[0], &self.names[1]])
     }
 
     fn warnings(&self, report: &mut Report) {
@@ -113,24 +108,22 @@ impl Comparison {
         }
     }
 
-    fn tiles(&self) -> Vec<(String, &'static str)> {
-        let figures = &self.figures;
+    fn tiles(&self) -> Vec<(String, String)> {
+        let (figures, [first, second]) = (&self.figures, &self.names);
         let errors = figures.windows.first().map_or_else(Errors::default, |window| window.errors);
-        let sums = |value: &dyn Fn(&crate::conduct::Conduct) -> f64| -> f64 {
+        let sums = |value: &dyn Fn(&Conduct) -> f64| -> f64 {
             self.recordings.iter().map(|read| value(&read.conduct)).sum()
         };
-        vec![
+        let tiles = [
             (format!("{:.1} %", 100.0 * figures.agreement.share), "of frames agree (0.09 m/s and 0.3 rad/s)"),
             (format!("{:.3}", errors.v_mean), "m/s, mean error of v within 0.1 s"),
             (format!("{:.3}", errors.w_mean), "rad/s, mean error of w within 0.1 s"),
-            (format!("{:.3}", figures.regret.gaps[0]), "mean optimality gap of the first"),
-            (format!("{:.3}", figures.regret.gaps[1]), "of the second"),
+            (format!("{:.3}", figures.regret.gaps[0]), &format!("mean optimality gap, {first}")),
+            (format!("{:.3}", figures.regret.gaps[1]), &format!("mean optimality gap, {second}")),
             (format!("{:.0}", sums(&|conduct| conduct.takeover_count() as f64)), "changes of who drives"),
-            (
-                format!("{:.2} s", sums(&crate::conduct::Conduct::changed_s)),
-                "changed or stopped by the arbiter",
-            ),
-        ]
+            (format!("{:.2} s", sums(&Conduct::changed_s)), "changed or stopped by the arbiter"),
+        ];
+        tiles.map(|(value, name)| (value, name.to_owned())).to_vec()
     }
 
     fn line(&self, number: impl Fn(&Point) -> f64) -> Vec<(f64, f64)> {
@@ -232,10 +225,11 @@ impl Comparison {
         let values: Vec<f64> = self.points.iter().map(|point| f64::from(point.regret())).collect();
         let (least, most) = (values.iter().copied().fold(0.0, f64::min), self.figures.regret.p99.max(0.1));
         let axis = Axis::new("regret dJ", "1").over(least.max(-most), 1.05 * most);
-        Bars::histogram("How dear the difference is", &values, &axis, 48, Ink::Purple).caption(format!(
-            "Mean {:.3}; on {:.0} % of the frames the first is the better one. The last bar holds everything beyond.",
+        Bars::histogram("What the difference costs", &values, &axis, 48, Ink::Purple).caption(format!(
+            "Mean {:.3}; on {:.0} % of the frames the {} is the better one. The outer bars hold everything beyond.",
             self.figures.regret.mean,
-            100.0 * self.figures.regret.first_better
+            100.0 * self.figures.regret.first_better,
+            self.names[0]
         ))
     }
 
@@ -352,7 +346,7 @@ impl Comparison {
                 let step = |key: &str| {
                     read.latency_ms[name][key].as_f64().map_or("-".into(), |ms| format!("{ms:.3}"))
                 };
-                let age = |number: &dyn Fn(crate::figures::Ages) -> f64| {
+                let age = |number: &dyn Fn(Ages) -> f64| {
                     ages.map_or("-".into(), |ages| format!("{:.2}", number(ages)))
                 };
                 let ages = [age(&|a| a.p50_ms), age(&|a| a.p99_ms), age(&|a| a.max_ms)];
@@ -363,11 +357,7 @@ impl Comparison {
     }
 }
 
-fn episode_table(
-    caption: &str,
-    what: &str,
-    episodes: &std::collections::BTreeMap<&'static str, crate::conduct::Episodes>,
-) -> Table {
+fn episode_table(caption: &str, what: &str, episodes: &BTreeMap<&'static str, Episodes>) -> Table {
     let columns = [(what, ""), ("times", ""), ("total", "s"), ("longest", "s"), ("first", "s")];
     let mut table = Table::new(caption, &columns);
     let mut sorted: Vec<_> = episodes.iter().collect();
@@ -399,7 +389,6 @@ fn strip(title: &str, time: Axis, winners: &[Stretch], reasons: &[Stretch]) -> F
     };
     let changed = |code| match Reason::from_code(code) {
         Some(Reason::Clear) => None,
-        _ if reason_label(code).is_empty() => None,
         Some(Reason::Slowed | Reason::Rotating | Reason::Reversing) => Some(Ink::Orange),
         Some(Reason::OtherProposal) => Some(Ink::Sky),
         _ => Some(Ink::Text),
@@ -425,60 +414,4 @@ fn strip(title: &str, time: Axis, winners: &[Stretch], reasons: &[Stretch]) -> F
         meanings: meanings.map(|(name, ink)| (name.into(), ink)).collect(),
     }
     .figure()
-}
-
-pub(crate) fn frame_picture(shown: &Shown, footprint_m: &[[f32; 2]]) -> Result<Figure, ReportError> {
-    picture(shown, footprint_m, ["policy", "expert"])
-}
-
-/// The way of a velocity held for a second.
-fn held(v_m_s: f32, w_rad_s: f32) -> Vec<(f64, f64)> {
-    const STEPS: u32 = 20;
-    let twist = Twist::new(v_m_s, w_rad_s);
-    let pose = |step| Pose2::ORIGIN.advance(&twist, ARROW_S * f64::from(step) / f64::from(STEPS));
-    (0..=STEPS).map(|step| (pose(step).x_m, pose(step).y_m)).collect()
-}
-
-fn picture(shown: &Shown, footprint_m: &[[f32; 2]], names: [&str; 2]) -> Result<Figure, ReportError> {
-    let map = &shown.map;
-    let shade = |(cost, age): (&u8, &u8)| {
-        if *age == AGE_NEVER { Shade::Unknown } else { Shade::Filled(f32::from(*cost) / 255.0) }
-    };
-    let cells = Cells {
-        side: LOCAL_SIDE,
-        cell_m: LOCAL_GRID.cell_m.into(),
-        rear_m: LOCAL_GRID.rear_m.into(),
-        right_m: LOCAL_GRID.right_m.into(),
-        limit: LIMIT,
-        shades: map.planning_cost.iter().zip(&map.age).map(shade).collect(),
-    };
-    let mut overlays = vec![Overlay::Footprint(
-        footprint_m.iter().map(|corner| (f64::from(corner[0]), f64::from(corner[1]))).collect(),
-    )];
-    overlays.push(Overlay::Goal(shown.goal_cell_m[0].into(), shown.goal_cell_m[1].into()));
-    for (way, ink) in shown.ways.iter().zip(INKS) {
-        overlays.push(Overlay::Line(
-            [(0.0, 0.0)].into_iter().chain(way.iter().copied()).collect(),
-            ink,
-            true,
-        ));
-    }
-    let mut notes = Vec::new();
-    for (side, width_px) in [(0, 8.0), (1, 5.0)] {
-        let (v, w) = (shown.v_m_s[side], shown.w_rad_s[side]);
-        overlays.push(Overlay::Arrow(held(v, w), INKS[side], width_px));
-        notes.push((
-            INKS[side],
-            format!("{}: {v:.2} m/s, {w:+.2} rad/s, J {:.2}", names[side], shown.costs[side]),
-        ));
-    }
-    if let Some(command) = &shown.command {
-        let Twist { v_m_s, w_rad_s } = command.twist;
-        overlays.push(Overlay::Arrow(held(v_m_s, w_rad_s), ARBITER, 2.2));
-        notes.push((ARBITER, format!("arbiter: {v_m_s:.2} m/s, {w_rad_s:+.2} rad/s")));
-    }
-    let title = format!("{:.2} s, regret {:.2}", shown.time_s, shown.regret);
-    let reason = shown.command.as_ref().map_or("", |command| reason_label(command.reason));
-    let subtitle = format!("frame {}; {reason}", shown.frame);
-    MapPicture { title, subtitle, cells, overlays, notes }.figure()
 }

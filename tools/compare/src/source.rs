@@ -23,7 +23,7 @@ pub struct Origin {
     pub file: String,
     /// `[byte]` its size.
     pub size_bytes: u64,
-    /// `[s]` from its first to its last message.
+    /// `[s]` graph time from its first to its last frame or command.
     pub duration_s: f64,
     /// Where and why it ends early, if it does.
     pub damage: Option<String>,

@@ -164,7 +164,8 @@ fn a_mined_sample_is_the_frame_and_carries_the_solved_label() {
     assert_eq!((record.stream, record.source), (77, Source::Demonstration as u8));
     assert_eq!(record.planning_cost, map.planning_cost);
     assert_eq!((u32::from(record.goal_cell), record.twist()), (goal.cell, goal.twist));
-    assert_eq!([record.goal_x_m, record.goal_y_m], [goal.x_m, goal.y_m]);
+    let place = [record.goal_x_m, record.goal_y_m].map(f32::to_bits);
+    assert_eq!(place, [goal.x_m, goal.y_m].map(f32::to_bits));
     assert!(record.cost_solved <= record.cost_734, "{record:?}");
     assert_eq!(record.kind, 4 + 128, "a drive, partly unknown");
     // Once more: refused, and the file is what it was.

@@ -1,16 +1,30 @@
 //! A comparison in a terminal.
 
-use crate::comparison::Comparison;
+use crate::comparison::{Comparison, Read};
 use std::fmt::Write as _;
+
+// A text in memory cannot fail to take more text: the results of `write!` carry nothing here.
 
 impl Comparison {
     /// The figures as text for a person.
     #[must_use]
     pub fn text(&self) -> String {
-        let [first, second] = &self.names;
-        let figures = &self.figures;
         let mut text = String::new();
-        // A text in memory cannot fail to take more text.
+        self.heading(&mut text);
+        self.errors(&mut text);
+        self.costs(&mut text);
+        self.recordings.iter().for_each(|read| conduct(&mut text, read));
+        let worst: Vec<_> = self
+            .worst
+            .iter()
+            .take(5)
+            .map(|shown| format!("{:.2} s (frame {})", shown.time_s, shown.frame))
+            .collect();
+        let _ = writeln!(text, "worst        {}", worst.join(", "));
+        text
+    }
+
+    fn heading(&self, text: &mut String) {
         for read in &self.recordings {
             let origin = &read.origin;
             let state = origin.damage.as_ref().map_or(String::new(), |damage| format!(", cut: {damage}"));
@@ -20,24 +34,25 @@ impl Comparison {
                 origin.file, origin.duration_s, origin.lead, origin.model, origin.expert
             );
         }
-        let _ = writeln!(text, "{first} against {second} on {} frames", figures.frames);
+        let [first, second] = &self.names;
+        let _ = writeln!(text, "{first} against {second} on {} frames", self.figures.frames);
         if self.seen_differently > 0 {
-            let _ = writeln!(
-                text,
-                "left out: {} frames on which the two saw different maps",
-                self.seen_differently
-            );
+            let count = self.seen_differently;
+            let _ = writeln!(text, "left out: {count} frames on which the two saw different maps");
         }
+    }
+
+    fn errors(&self, text: &mut String) {
         let _ = writeln!(text, "\nwindow [s]  |v| [m/s] mean    std  |w| [rad/s] mean    std  norm mean");
-        for window in &figures.windows {
-            let errors = &window.errors;
+        for window in &self.figures.windows {
+            let e = &window.errors;
             let _ = writeln!(
                 text,
                 "{:>10.1} {:>16.4} {:>6.4} {:>18.4} {:>6.4} {:>10.4}",
-                window.window_s, errors.v_mean, errors.v_std, errors.w_mean, errors.w_std, errors.l2_mean
+                window.window_s, e.v_mean, e.v_std, e.w_mean, e.w_std, e.l2_mean
             );
         }
-        let (agreement, regret) = (&figures.agreement, &figures.regret);
+        let agreement = &self.figures.agreement;
         let _ = writeln!(
             text,
             "\nagreement    {:.1} % of frames within {} m/s and {} rad/s",
@@ -45,53 +60,42 @@ impl Comparison {
             agreement.v_m_s,
             agreement.w_rad_s
         );
+    }
+
+    fn costs(&self, text: &mut String) {
+        let r = &self.figures.regret;
         let _ = writeln!(
             text,
             "cost J       mean {:.3} and {:.3}, above the optimum {:.3} and {:.3}\n\
              regret dJ    mean {:.3}, p50 {:.3}, p90 {:.3}, p99 {:.3}, max {:.3}",
-            regret.costs[0],
-            regret.costs[1],
-            regret.gaps[0],
-            regret.gaps[1],
-            regret.mean,
-            regret.p50,
-            regret.p90,
-            regret.p99,
-            regret.max
+            r.costs[0], r.costs[1], r.gaps[0], r.gaps[1], r.mean, r.p50, r.p90, r.p99, r.max
         );
-        if let Some(part) = figures.doubt_catches {
+        if let Some(part) = self.figures.doubt_catches {
+            let percent = 100.0 * part;
             let _ = writeln!(
                 text,
-                "doubt        the tenth of most doubt holds {:.0} % of the disagreements",
-                100.0 * part
+                "doubt        the tenth of most doubt holds {percent:.0} % of the disagreements"
             );
         }
-        for read in &self.recordings {
-            let conduct = &read.conduct;
-            let winners: Vec<_> =
-                conduct.winners.iter().map(|(name, time)| format!("{name} {:.1} s", time.total_s)).collect();
-            let _ = writeln!(
-                text,
-                "drove        {}; {} changes of the winner, {:.2} s changed by the arbiter",
-                winners.join(", "),
-                conduct.takeover_count(),
-                conduct.changed_s()
-            );
-            if let Some(outcome) = &conduct.outcome {
-                let _ = writeln!(
-                    text,
-                    "truth        {:.1} m, {} goals reached, {} contacts, nearest {:.2} m",
-                    outcome.distance_m, outcome.arrivals, outcome.contacts, outcome.min_clearance_m
-                );
-            }
-        }
-        let worst: Vec<_> = self
-            .worst
-            .iter()
-            .take(5)
-            .map(|shown| format!("{:.2} s (frame {})", shown.time_s, shown.frame))
-            .collect();
-        let _ = writeln!(text, "worst        {}", worst.join(", "));
-        text
+    }
+}
+
+fn conduct(text: &mut String, read: &Read) {
+    let conduct = &read.conduct;
+    let winners: Vec<_> =
+        conduct.winners.iter().map(|(name, time)| format!("{name} {:.1} s", time.total_s)).collect();
+    let _ = writeln!(
+        text,
+        "drove        {}; {} changes of the winner, {:.2} s changed by the arbiter",
+        winners.join(", "),
+        conduct.takeover_count(),
+        conduct.changed_s()
+    );
+    if let Some(outcome) = &conduct.outcome {
+        let _ = writeln!(
+            text,
+            "truth        {:.1} m, {} goals reached, {} contacts, nearest {:.2} m",
+            outcome.distance_m, outcome.arrivals, outcome.contacts, outcome.min_clearance_m
+        );
     }
 }

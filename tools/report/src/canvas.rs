@@ -87,21 +87,24 @@ impl Figure {
     pub fn sheet(title: &str, figures: &[Self], columns: usize) -> Self {
         const GAP: f64 = 16.0;
         let columns = columns.max(1);
-        let width = figures.iter().fold(0.0_f64, |most, figure| most.max(figure.width));
+        let mut widths = vec![0.0_f64; columns.min(figures.len().max(1))];
+        for (index, figure) in figures.iter().enumerate() {
+            widths[index % columns] = widths[index % columns].max(figure.width);
+        }
         let mut canvas = Canvas::default();
         canvas.text(GAP, 28.0, "strong", title);
-        let (mut top, mut tallest) = (40.0, 0.0_f64);
-        for (index, figure) in figures.iter().enumerate() {
-            if index % columns == 0 && index > 0 {
-                top += tallest + GAP;
-                tallest = 0.0;
+        let (mut top, mut bottom) = (40.0, 40.0_f64);
+        for row in figures.chunks(columns) {
+            let mut left = GAP;
+            for (figure, width) in row.iter().zip(&widths) {
+                canvas.group(left, top, &figure.body);
+                left += width + GAP;
+                bottom = bottom.max(top + figure.height);
             }
-            let left = GAP + (index % columns) as f64 * (width + GAP);
-            canvas.group(left, top, &figure.body);
-            tallest = tallest.max(figure.height);
+            top = bottom + GAP;
         }
-        let across = figures.len().min(columns) as f64;
-        canvas.figure(title, GAP + across * (width + GAP), top + tallest + GAP)
+        let across: f64 = widths.iter().map(|width| width + GAP).sum();
+        canvas.figure(title, GAP + across, bottom + GAP)
     }
 }
 

@@ -64,7 +64,7 @@ impl Report {
     }
 
     /// Adds figures of a few numbers: large, each with what it is.
-    pub fn tiles(&mut self, tiles: &[(String, &str)]) {
+    pub fn tiles(&mut self, tiles: &[(String, String)]) {
         self.body.push_str("<div class=\"tiles\">");
         for (value, name) in tiles {
             let _ = write!(

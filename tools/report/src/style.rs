@@ -58,7 +58,7 @@ const INKS: [Ink; 8] =
 /// The style sheet of figures, for an SVG that stands alone.
 pub(crate) fn figure_sheet() -> String {
     let mut sheet = format!(
-        "svg{{{LIGHT}color-scheme:light dark}}@media(prefers-color-scheme:dark){{svg{{{DARK}}}}}{FIGURES}"
+        ":root{{{LIGHT}color-scheme:light dark}}@media(prefers-color-scheme:dark){{:root{{{DARK}}}}}{FIGURES}"
     );
     sheet.push_str(&inks());
     sheet

@@ -45,7 +45,7 @@ fn long_report(count: usize) -> Report {
     report.heading("Everything");
     report.paragraph("Text.");
     report.warning("Cut.");
-    report.tiles(&[("93 %".into(), "agreement")]);
+    report.tiles(&[("93 %".into(), "agreement".into())]);
     let mut table = Table::new("Errors", &[("what", ""), ("mean", "m/s")]);
     table.row(["policy", "0.012"]);
     report.table(&table);
