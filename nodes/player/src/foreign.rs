@@ -1,7 +1,7 @@
 //! MCAP files of other programs: their channels and messages as they stand, for tools that know what they mean.
 
 use crate::error::PlayerError;
-use crate::scan::{Extent, MAGIC, Scan};
+use crate::scan::{MAGIC, Scan};
 use mcap::records::Record;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -49,7 +49,7 @@ pub fn read_foreign<E: From<PlayerError>>(
     path: &Path,
     mut look: impl FnMut(&ForeignChannel, ForeignMessage) -> Result<(), E>,
 ) -> Result<ForeignEnd, E> {
-    let mut scan = Scan::open(path, Extent::Data)?;
+    let mut scan = Scan::open(path)?;
     let mut schemas = BTreeMap::<u16, String>::new();
     let mut channels = BTreeMap::<u16, ForeignChannel>::new();
     let mut profile = String::new();
