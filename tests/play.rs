@@ -32,10 +32,9 @@ fn walk(folder: &Folder) -> String {
     walk
 }
 
-/// Plays in lockstep with a recorder; the recording that comes of it.
-fn in_lockstep(name: &str, walk: &str, more: &[&str]) -> PathBuf {
-    let recordings = std::env::temp_dir().join(format!("sidestep-test-{name}-{}", std::process::id()));
-    let folder = recordings.display().to_string();
+/// Plays in lockstep with a recorder into a folder; the recording that comes of it.
+fn in_lockstep(folder: &Folder, name: &str, walk: &str, more: &[&str]) -> PathBuf {
+    let folder = folder.join(name).display().to_string();
     let fixed = ["play", walk, "--lockstep", "--record", &folder, "--set", "supervision.start_ms=60000"];
     let (outcome, summary) = run_with_summary(name, &[&fixed[..], more].concat());
     assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
@@ -61,7 +60,7 @@ fn a_recording_in_lockstep_gives_the_same_bytes_twice_and_no_message_is_lost() {
     let _alone = Alone::wait();
     let folder = Folder::new("play-lockstep");
     let walk = walk(&folder);
-    let files = [in_lockstep("play-one", &walk, &[]), in_lockstep("play-two", &walk, &[])];
+    let files = [in_lockstep(&folder, "one", &walk, &[]), in_lockstep(&folder, "two", &walk, &[])];
     let [one, two] = [entries(&files[0]), entries(&files[1])];
     for (name, (one, two)) in TOPICS.iter().zip(one.iter().zip(&two)) {
         assert_eq!(one.len(), two.len(), "{name}");
@@ -78,7 +77,6 @@ fn a_recording_in_lockstep_gives_the_same_bytes_twice_and_no_message_is_lost() {
     assert!(count("command") >= 550 + FRAMES, "{} commands", count("command"));
     for file in &files {
         assert!(Info::read(file).unwrap().lost().is_empty());
-        let _ = std::fs::remove_dir_all(file.parent().unwrap());
     }
 }
 
@@ -88,7 +86,8 @@ fn a_part_of_a_recording_is_played_with_the_topics_that_were_asked_for() {
     let folder = Folder::new("play-part");
     let walk = walk(&folder);
     let file = in_lockstep(
-        "play-part-run",
+        &folder,
+        "part",
         &walk,
         &["--start-offset", "1", "--duration", "2", "--exclude", "ranges"],
     );
@@ -98,7 +97,6 @@ fn a_part_of_a_recording_is_played_with_the_topics_that_were_asked_for() {
     };
     assert_eq!((count("depth"), count("local_map"), count("ranges")), (20, 20, 0), "{}", info.text());
     assert!((190..=210).contains(&count("odometry")), "{}", info.text());
-    let _ = std::fs::remove_dir_all(file.parent().unwrap());
 }
 
 #[test]
