@@ -45,6 +45,7 @@ fn second_with_black_box_mb(bencher: Bencher, black_box_mb: u64) {
         queue_small: 64,
         queue_large: 2,
         attach: Vec::new(),
+        view: true,
     };
     let filter = Filter::of(&[], &[]).unwrap_or_else(|error| unreachable!("{error}"));
     let origin = Origin { flush_period_ns: SECOND_NS / 2, ..Origin::default() };

@@ -49,6 +49,7 @@ fn config(folder: &Folder) -> Config {
         queue_small: 64,
         queue_large: 2,
         attach: Vec::new(),
+        view: false,
     }
 }
 
@@ -58,6 +59,7 @@ fn origin() -> Origin {
         metadata: vec![("version".into(), "test".into())],
         attachments: vec![("robot.toml".into(), b"name = \"loomo\"".to_vec())],
         flush_period_ns: SECOND_NS / 2,
+        view: sidestep_recorder::ViewSettings::default(),
     }
 }
 
