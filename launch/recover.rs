@@ -106,7 +106,7 @@ fn text(salvaged: &Salvage, file: &Path, out: &Path) -> String {
         add(format!("  {passed_over} damaged chunks or records were passed over"));
     }
     if unread_bytes > 0 {
-        add(format!("  the last {unread_bytes} bytes could not be read"));
+        add(format!("  the last {unread_bytes} bytes could not be read whole"));
     }
     if let Some(missing) = salvaged.missing.filter(|missing| *missing > 0) {
         add(format!("  {missing} messages that its summary counts are lost"));
