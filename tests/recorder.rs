@@ -144,7 +144,7 @@ fn each_file_of_a_split_begins_with_fresh_states_and_what_still_holds() {
                 "nothing is lost between two files"
             );
         }
-        before = of(ODOMETRY.index).last().cloned();
+        before = of(ODOMETRY.index).next_back().cloned();
         // Asked for by the file itself: an old state at its head would be of before.
         for topic in [STATE_MAPPER.index, STATE_GOAL.index, STATE_ARBITER.index] {
             let fresh = of(topic).find(|entry| entry.header.now_ns >= first.header.now_ns);
