@@ -20,6 +20,8 @@ const SWEEP_NS: u64 = 1_500_000_000;
 const SWEEPS_MOST: u32 = 3;
 /// `[ns]` time a node has to leave after SIGTERM.
 const LEAVE_NS: u64 = 1_500_000_000;
+/// `[ns]` the same for a recorder, which waits for the disk.
+const LEAVE_SLOW_NS: u64 = 15_000_000_000;
 /// `[ns]` host time between looks at processor time and memory.
 const USAGE_NS: u64 = 1_000_000_000;
 /// Stop order after the proposers: whoever protects the robot leaves late, the recorder last.
@@ -334,7 +336,8 @@ impl Supervisor {
                 child::signal(child, libc::SIGTERM);
             }
         }
-        let deadline_ns = host_ns() + LEAVE_NS;
+        let slow = names.iter().any(|name| name == "recorder");
+        let deadline_ns = host_ns() + if slow { LEAVE_SLOW_NS } else { LEAVE_NS };
         while self.nodes.iter().any(concerned) && host_ns() < deadline_ns && wishes.count() <= heard {
             let now_ns = host_ns();
             let _ = self.link.look(&mut self.step);

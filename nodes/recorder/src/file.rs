@@ -117,13 +117,15 @@ impl DiskFile {
     /// Gives the complete file its name.
     pub(crate) fn complete(mut self) -> Result<PathBuf, RecordError> {
         let name = self.path.display().to_string();
-        let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
-        synced.map_err(|error| RecordError::write(&name, &error.into()))?;
+        let failed = |error: std::io::Error| RecordError::write(&name, &error.into());
+        self.file.flush().map_err(failed)?;
+        // Named before the disk has it all, which may take seconds: whoever is killed meanwhile leaves a complete file.
         std::fs::rename(&self.active, &self.path).map_err(|source| RecordError::Rename {
             path: self.path.clone(),
             active: self.active.clone(),
             source,
         })?;
+        self.file.get_ref().sync_all().map_err(failed)?;
         Ok(self.path)
     }
 }
