@@ -21,7 +21,7 @@ const SWEEPS_MOST: u32 = 3;
 /// `[ns]` time a node has to leave after SIGTERM.
 const LEAVE_NS: u64 = 1_500_000_000;
 /// `[ns]` the same for a recorder, which waits for the disk.
-const LEAVE_SLOW_NS: u64 = 15_000_000_000;
+const LEAVE_SLOW_NS: u64 = 8_000_000_000;
 /// `[ns]` host time between looks at processor time and memory.
 const USAGE_NS: u64 = 1_000_000_000;
 /// Stop order after the proposers: whoever protects the robot leaves late, the recorder last.
