@@ -211,6 +211,23 @@ fn import(source: &Path, out: &Path, options: &[&str]) -> Outcome {
     outcome
 }
 
+/// Plays an import into the live graph, and replays what was recorded of that: nothing may differ.
+fn plays_and_replays(import: &Path, folder: &Folder) {
+    let recordings = folder.join("recordings").display().to_string();
+    let file = import.display().to_string();
+    let arguments =
+        ["play", &file, "--lockstep", "--record", &recordings, "--set", "supervision.start_ms=60000"];
+    let (outcome, summary) = run_with_summary("bag-played", &arguments);
+    assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
+    let (outcome, report) =
+        run_with_summary("bag-replayed", &["replay", summary["recording"].as_str().unwrap()]);
+    assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
+    for node in report["nodes"].as_array().unwrap() {
+        let counts = ["recorded", "compared", "differing"].map(|key| node[1][key].as_u64().unwrap());
+        assert!(counts[0] > 50 && counts[1] == counts[0] && counts[2] == 0, "{}", outcome.out);
+    }
+}
+
 /// Imports a folder of images, and the same as a bag in both forms of an image, and compares.
 fn walk_in_bags(python: &Path, walk: &Path) {
     let folder = Folder::new("hololens-bag");
@@ -246,6 +263,7 @@ fn walk_in_bags(python: &Path, walk: &Path) {
         let outcome = import(&bag, &ours, &[]);
         let took_s = (sidestep_bus::host_ns() - began_ns) as f64 * 1e-9;
         let frames = same_walk(&ours, &theirs);
+        plays_and_replays(&ours, &folder);
         let size_mb = |path: &Path| std::fs::metadata(path).unwrap().len() as f64 * 1e-6;
         println!(
             "{form}: {frames} frames, bag {:.1} MB, recording {:.1} MB, {took_s:.2} s\n{}",
@@ -257,7 +275,8 @@ fn walk_in_bags(python: &Path, walk: &Path) {
 }
 
 #[test]
-fn the_hololens_walk_is_the_same_from_a_bag_as_from_its_folder() {
+fn the_hololens_walk_is_the_same_from_a_bag_as_from_its_folder_and_plays_and_replays() {
+    let _alone = Alone::wait();
     let Some(python) = python("the HoloLens walk as a bag") else { return };
     walk_in_bags(&python, &Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hololens"));
     let Some(data) = std::env::var_os("SIDESTEP_DATA") else {

@@ -272,3 +272,40 @@ fn a_recording_ends_in_order_before_the_disk_is_full() {
     assert!(Info::read(&path).unwrap().complete, "{}", path.display());
     assert!(summary["drive"]["distance_m"].as_f64().unwrap() > 2.0, "the drive goes on: {summary:#}");
 }
+
+/// The shipped simulation without its recorder.
+fn without_recorder(folder: &Folder) -> String {
+    let text =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/launch/graphs/sim.toml")).unwrap();
+    let mut graph: toml::Table = text.parse().unwrap();
+    graph["nodes"].as_table_mut().unwrap().remove("recorder");
+    folder.write("graph.toml", &toml::to_string(&graph).unwrap())
+}
+
+/// Prints the latency with and without a recorder, in turn; `SIDESTEP_ROUNDS` such pairs of drives (one without it).
+#[test]
+fn a_recorded_drive_loses_nothing_and_its_latency_stands_beside_that_of_one_without() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("interleaved");
+    let (plain, recordings) = (without_recorder(&folder), folder.join("recordings").display().to_string());
+    let rounds = std::env::var("SIDESTEP_ROUNDS").map_or(1, |rounds| rounds.parse().unwrap());
+    let p99_ms = |graph: &str, more: &[&str]| {
+        let arguments = ["run", graph, "--for", "6s", "--set", "supervision.start_ms=60000"];
+        let (outcome, summary) = run_with_summary("interleaved-summary", &[&arguments, more].concat());
+        assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
+        let latency = &summary["latency_ms"]["depth_to_command"];
+        assert!(latency["count"].as_u64().unwrap() > 150, "{summary:#}");
+        for topic in ["depth", "odometry", "local_map", "safety_map", "command"] {
+            assert_eq!(summary["topics"][topic]["lost"], 0, "{topic}: {summary:#}");
+        }
+        latency["p99"].as_f64().unwrap()
+    };
+    let mut pairs: Vec<[f64; 2]> =
+        (0..rounds).map(|_| [p99_ms("sim", &["--record", &recordings]), p99_ms(&plain, &[])]).collect();
+    pairs.sort_by(|a, b| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
+    for [with, without] in &pairs {
+        println!("depth_to_command p99: {with:.2} ms with a recorder, {without:.2} ms without");
+    }
+    let [with, without] = pairs[pairs.len() / 2];
+    println!("median of {rounds} ratios: {:.2}", with / without);
+}

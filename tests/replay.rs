@@ -27,7 +27,7 @@ fn recorded(folder: &Folder, lead: &str, time: &str, killed: &[&str]) -> PathBuf
 
 fn replay(file: &Path, options: &[&str]) -> (Outcome, Value) {
     let file = file.display().to_string();
-    run_with_summary("replay", &[&["replay", &file], options].concat())
+    run_with_summary("replay-summary", &[&["replay", &file], options].concat())
 }
 
 /// Steps recorded, compared and differing, over all nodes.
@@ -64,6 +64,44 @@ fn a_drive_with_every_node_killed_once_replays_byte_for_byte_under_each_lead() {
 }
 
 #[test]
+fn each_file_of_a_split_and_a_snapshot_replays_from_its_first_state() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("replay-split");
+    let recordings = folder.join("recordings").display().to_string();
+    let mut running = Running::start(sidestep(&[
+        "run",
+        "sim",
+        "--for",
+        "14s",
+        "--record",
+        &recordings,
+        "--set",
+        "recorder.split_s=5",
+        "--set",
+        "supervision.start_ms=60000",
+    ]));
+    let domain = running.wait_for("the arbiter", |running| running.domain("arbiter"));
+    sidestep_bus::pause(std::time::Duration::from_secs(12));
+    let mut snapshot = sidestep(&["snapshot"]);
+    snapshot.env("SIDESTEP_DOMAIN", &domain.prefix).env("SIDESTEP_ROOT", &domain.root);
+    assert!(snapshot.status().unwrap().success());
+    assert_eq!(running.finish().code, 0);
+    let mut replayed = 0;
+    for file in std::fs::read_dir(&recordings).unwrap() {
+        let file = file.unwrap().path();
+        let (outcome, report) = replay(&file, &[]);
+        let [recorded, compared, differing] = steps(&report);
+        assert_eq!((outcome.code, differing), (0, 0), "{}: {}", file.display(), outcome.out);
+        // The last file of a split may be short.
+        if recorded > 1000 {
+            assert!(100 * compared >= 90 * recorded, "{}: {}", file.display(), outcome.out);
+            replayed += 1;
+        }
+    }
+    assert!(replayed >= 3, "{replayed} files");
+}
+
+#[test]
 fn what_was_changed_on_purpose_is_told_and_is_no_failure() {
     let _alone = Alone::wait();
     let folder = Folder::new("replay-changed");
@@ -74,7 +112,13 @@ fn what_was_changed_on_purpose_is_told_and_is_no_failure() {
     let (outcome, report) = replay(&file, &["--set", "expert.candidates=200"]);
     assert_eq!(outcome.code, 0, "{}", outcome.err);
     assert!(moved(&report, "expert_command") && !moved(&report, "local_goal"), "{}", outcome.out);
-    assert!(!moved(&report, "command"), "the policy leads: {}", outcome.out);
+    // The policy leads: only where it was silent did the arbiter look at the other proposal.
+    let arbiter = report["nodes"].as_array().unwrap().iter().find(|node| node[0] == "arbiter").unwrap();
+    let [compared, differing] = ["compared", "differing"].map(|key| arbiter[1][key].as_u64().unwrap());
+    assert!(10 * differing < compared, "{}", outcome.out);
+    // The same model under another name changes nothing.
+    let (outcome, report) = replay(&file, &["--model", "nodes/policy/model/loomo.onnx"]);
+    assert!(outcome.code == 0 && report["changes"].as_array().unwrap().is_empty(), "{}", outcome.out);
     for lead in ["expert", "refined"] {
         let (outcome, report) = replay(&file, &["--lead", lead]);
         assert!(outcome.code == 0 && moved(&report, "command"), "{}{}", outcome.out, outcome.err);
