@@ -65,21 +65,23 @@ pub(crate) fn compare(arguments: CompareArguments) -> Result<(), Failure> {
         By::Regret => Rank::Regret,
         By::Disagreement => Rank::Disagreement,
     };
+    [&html, &json, &svg].into_iter().flatten().try_for_each(|path| crate::output::may_write(path))?;
+    if let Some(out) = out.as_ref().filter(|out| out.exists()) {
+        let why = format!("{}: exists and is not overwritten; name another file", out.display());
+        return Err(Failure::usage(why));
+    }
     let mine = mine.zip(out).map(|(count, out)| Mine { count, out });
     let begin_ns = sidestep_bus::host_ns();
     let options = Options { file, other, worst, rank, mine };
     let comparison = sidestep_compare::compare(&options).map_err(|error| failure(&error))?;
     crate::output::note(speed(&comparison, sidestep_bus::host_ns().saturating_sub(begin_ns)));
     crate::output::line(comparison.text().trim_end());
-    let write = |path: &PathBuf, text: String| {
-        std::fs::write(path, text).map_err(|error| Failure::io(format!("{}: {error}", path.display())))
-    };
     if let Some(path) = &html {
         let report = comparison.report().map_err(|error| failure(&error))?;
-        write(path, report.html())?;
+        crate::output::file(path, &report.html())?;
     }
     if let Some(path) = &svg {
-        write(path, comparison.overview().map_err(|error| failure(&error))?.svg())?;
+        crate::output::file(path, &comparison.overview().map_err(|error| failure(&error))?.svg())?;
     }
     if let Some(path) = &json {
         crate::output::json(path, &comparison.json())?;

@@ -24,10 +24,9 @@ pub(crate) struct LiveArguments {
 /// Exit code 2 with the way to build it.
 #[cfg(not(feature = "live"))]
 pub(crate) fn live(arguments: &LiveArguments) -> Result<(), Failure> {
-    let LiveArguments { address, port, image_hz } = arguments;
-    let asked = format!("{address}:{port} with {image_hz} images per second");
+    let LiveArguments { address, port, .. } = arguments;
     let remedy = "build it with `cargo build --release --features live`";
-    Err(Failure::usage(format!("this binary has no live view to serve on {asked}; {remedy}")))
+    Err(Failure::usage(format!("this binary has no live view to serve on {address}:{port}; {remedy}")))
 }
 
 #[cfg(feature = "live")]

@@ -1,7 +1,7 @@
 //! Results go to standard output, everything else to standard error.
 
 use crate::failure::Failure;
-use std::io::{IsTerminal, Write};
+use std::io::{IsTerminal, Read, Write};
 use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -32,13 +32,43 @@ pub(crate) fn screen(text: &str) {
     let _ = out.flush();
 }
 
+/// Refuses a place for results that would cost a recording, or where no file can be: before the work, not after it.
+///
+/// # Errors
+/// Exit code 2 with what is there and what to do.
+pub(crate) fn may_write(path: &Path) -> Result<(), Failure> {
+    let refused = |found: &str| Failure::usage(format!("{}: {found}; name another file", path.display()));
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        return Err(refused("its folder does not exist"));
+    }
+    if path.is_dir() {
+        return Err(refused("is a folder"));
+    }
+    let mut first = [0; 5];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut first));
+    if read.is_ok() && first == *b"\x89MCAP" {
+        return Err(refused("is a recording, and is not overwritten"));
+    }
+    Ok(())
+}
+
+/// Results in a file.
+///
+/// # Errors
+/// Exit code 2 where [`may_write`] refuses, 3 where the file cannot be written.
+pub(crate) fn file(path: &Path, text: &str) -> Result<(), Failure> {
+    may_write(path)?;
+    let failed = |error| Failure::io(format!("{}: {error}; name a file that can be written", path.display()));
+    std::fs::write(path, text).map_err(failed)
+}
+
 /// Results for a machine, in a file.
 ///
 /// # Errors
-/// Exit code 3 where the file cannot be written.
+/// As [`file`].
 pub(crate) fn json(path: &Path, value: &serde_json::Value) -> Result<(), Failure> {
-    let text = format!("{value:#}\n");
-    std::fs::write(path, text).map_err(|error| Failure::io(format!("{}: {error}", path.display())))
+    file(path, &format!("{value:#}\n"))
 }
 
 fn lines() -> &'static SyncSender<Line> {

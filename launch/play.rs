@@ -100,6 +100,14 @@ fn check(arguments: &Arguments, file: &Path, info: &Info) -> Result<(), Failure>
         paused: arguments.start_paused,
     };
     config.check().map_err(Failure::usage)?;
+    if arguments.start_offset >= info.duration_s && info.duration_s > 0.0 {
+        return Err(Failure::usage(format!(
+            "recording {}: --start-offset is {} s, needed: less than its {:.1} s",
+            arguments.file.display(),
+            arguments.start_offset,
+            info.duration_s
+        )));
+    }
     let selection = Selection::of(&config).map_err(Failure::usage)?;
     let refused =
         |detail: String| Failure::usage(format!("recording {}: {detail}", arguments.file.display()));

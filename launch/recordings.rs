@@ -41,6 +41,7 @@ pub(crate) fn latency(
         crate::output::json(path, &figures.json())?;
     }
     if let Some(path) = trace {
+        crate::output::may_write(path)?;
         let failed = |error: std::io::Error| Failure::io(format!("{}: {error}", path.display()));
         let mut out = std::io::BufWriter::new(std::fs::File::create(path).map_err(failed)?);
         steps.write(&mut out).map_err(failed)?;

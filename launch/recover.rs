@@ -59,6 +59,7 @@ pub(crate) fn recover(arguments: &Arguments) -> Result<(), Failure> {
             out.display()
         )));
     }
+    arguments.json.iter().try_for_each(|path| crate::output::may_write(path))?;
     let salvaged = copy(file, &out)?;
     crate::output::line(&text(&salvaged, file, &out));
     if let Some(path) = &arguments.json {
@@ -100,10 +101,13 @@ fn text(salvaged: &Salvage, file: &Path, out: &Path) -> String {
     }
     match &salvaged.damage {
         Some(damage) => add(format!("  {}: {damage}", file.display())),
+        None if salvaged.is_lossy() => add(format!("  {}: has its end mark", file.display())),
         None => add(format!("  {}: is complete", file.display())),
     }
     if passed_over > 0 {
-        add(format!("  {passed_over} damaged chunks or records were passed over"));
+        add(format!(
+            "  {passed_over} chunks or records that are damaged, or belong to no channel, were passed over"
+        ));
     }
     if unread_bytes > 0 {
         add(format!("  the last {unread_bytes} bytes could not be read whole"));

@@ -38,6 +38,15 @@ fn failure(error: &ReplayError) -> Failure {
 }
 
 impl ReplayArguments {
+    /// What differs from the recording on purpose, as it was asked for.
+    fn changes(&self) -> String {
+        let mut changes: Vec<_> = self.settings.iter().map(|setting| format!("--set {setting}")).collect();
+        changes.extend(self.lead.iter().map(|lead| format!("--lead {lead}")));
+        changes.extend(self.robot.iter().map(|robot| format!("--robot {robot}")));
+        changes.extend(self.model.iter().map(|model| format!("--model {}", model.display())));
+        changes.join(" ")
+    }
+
     fn settings(&self, origin: &Origin) -> Result<Settings, Failure> {
         let recorded = GraphFile::parse("of the recording", &origin.graph)?;
         let mut changes = self.settings.clone();
@@ -58,6 +67,10 @@ impl ReplayArguments {
             graph: GraphFile::parse("of the recording", &graph)?,
             robot,
             onnx,
+            model_name: self
+                .model
+                .as_ref()
+                .map_or("of the recording".into(), |path| path.display().to_string()),
             changed: !changes.is_empty() || self.robot.is_some() || self.model.is_some(),
             recorded_lead: recorded.lead().to_owned(),
         })
@@ -70,11 +83,15 @@ impl ReplayArguments {
 /// Exit code 1 where an output differs and nothing was changed on purpose, 2 for a model, robot or setting that does not
 /// fit, 3 for a recording that cannot be replayed.
 pub(crate) fn run(arguments: &ReplayArguments) -> Result<(), Failure> {
+    arguments.json.iter().try_for_each(|path| crate::output::may_write(path))?;
     let origin = Origin::read(&arguments.file).map_err(|error| failure(&error))?;
     let settings = arguments.settings(&origin)?;
     let begun_ns = host_ns();
     let report = replay(&arguments.file, &settings).map_err(|error| failure(&error))?;
     let spent_s = (host_ns() - begun_ns) as f64 * 1e-9;
+    if settings.changed {
+        crate::output::line(&format!("changed on purpose: {}", arguments.changes()));
+    }
     crate::output::line(report.text().trim_end());
     let rate = report.recorded_s / spent_s.max(1e-9);
     crate::output::line(&format!("replayed in {spent_s:.2} s, {rate:.1} times real time"));
@@ -88,8 +105,12 @@ pub(crate) fn run(arguments: &ReplayArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.json {
         let mut value = serde_json::to_value(&report).unwrap_or_default();
         value["times_real_time"] = rate.into();
-        value["changed"] = settings.changed.into();
+        value["changed"] = settings.changed.then(|| arguments.changes()).into();
         crate::output::json(path, &value)?;
+    }
+    if report.compared() == 0 {
+        let why = "no step could be compared; a file replays from its first state record on, which comes within 10 s";
+        return Err(Failure::unmet(why));
     }
     if settings.changed || report.differing() == 0 {
         return Ok(());

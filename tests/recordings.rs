@@ -1,5 +1,6 @@
 //! Recordings as a user meets them: real depth imported, described, played into the live graph; a drive recorded and read.
 
+use crate::command_line::refused;
 use crate::harness::{Alone, Folder, run, run_with_summary};
 
 #[test]
@@ -25,6 +26,32 @@ fn real_depth_drives_the_graph_and_every_command_says_open_loop() {
         "ages fit ten frames a second: {summary:#}"
     );
     assert!(outcome.out.contains("open loop"), "{}", outcome.out);
+}
+
+/// An import is a recording of sensors: what may be asked of it, and where its results may go.
+#[test]
+fn no_result_takes_the_place_of_a_recording_and_what_a_recording_cannot_give_is_said() {
+    let folder = Folder::new("in-place");
+    let walk = folder.join("walk.mcap").display().to_string();
+    assert_eq!(run(&["import", "tests/data/hololens", &walk, "--rate", "10"]).code, 0);
+    let nowhere = folder.join("nowhere/page.html").display().to_string();
+    let place = folder.0.display().to_string();
+    for (arguments, says) in [
+        (&["import", "tests/data/hololens", &walk][..], "exists and is not overwritten"),
+        (&["export", &walk, &walk], "exists and is not overwritten"),
+        (&["recover", &walk, &walk], "exists and is not overwritten"),
+        (&["compare", &walk, "--mine", "3", "--out", &walk], "exists and is not overwritten"),
+        (&["compare", &walk, "--html", &walk], "is a recording, and is not overwritten"),
+        (&["replay", &walk, "--json", &walk], "is a recording, and is not overwritten"),
+        (&["latency", &walk, "--trace", &walk], "is a recording, and is not overwritten"),
+        (&["compare", &walk, "--html", &nowhere], "its folder does not exist; name another file"),
+        (&["replay", &walk, "--json", &place], "is a folder; name another file"),
+        (&["play", &walk, "--start-offset", "100"], "needed: less than its 6.8 s"),
+        (&["import", "tests/data/hololens", &nowhere, "--rate", "0"], "--rate is 0, needed: more than 0"),
+    ] {
+        refused(arguments, 2, &[says]);
+    }
+    assert!(run(&["info", &walk]).out.contains("state:       complete"), "the recording is as it was");
 }
 
 /// A disk of 6 MB in memory, as far as this user may make one.

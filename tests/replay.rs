@@ -111,6 +111,7 @@ fn what_was_changed_on_purpose_is_told_and_is_no_failure() {
     };
     let (outcome, report) = replay(&file, &["--set", "expert.candidates=200"]);
     assert_eq!(outcome.code, 0, "{}", outcome.err);
+    assert!(outcome.out.contains("changed on purpose: --set expert.candidates=200"), "{}", outcome.out);
     assert!(moved(&report, "expert_command") && !moved(&report, "local_goal"), "{}", outcome.out);
     // The policy leads: only where it was silent did the arbiter look at the other proposal.
     let arbiter = report["nodes"].as_array().unwrap().iter().find(|node| node[0] == "arbiter").unwrap();

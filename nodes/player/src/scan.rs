@@ -73,7 +73,7 @@ fn foreign(first: &[u8]) -> (String, &'static str) {
     let bytes: Vec<_> = first.iter().map(|byte| format!("{byte:02x}")).collect();
     let found =
         if bytes.is_empty() { "it is empty".into() } else { format!("it begins {}", bytes.join(" ")) };
-    (found, "give a file made by sidestep")
+    (found, "give an MCAP file")
 }
 
 impl Scan {

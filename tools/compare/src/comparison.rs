@@ -145,7 +145,10 @@ impl<'a> Gatherer<'a> {
         let point = pair.point(&judged, within[0]);
         let score = point.score(self.rank);
         self.points.push(point);
-        self.worst.offer(point.time_s, score, || pair.shown(&judged, &point));
+        // Where the policy was the better one, nothing was bad.
+        if score > 0.0 {
+            self.worst.offer(point.time_s, score, || pair.shown(&judged, &point));
+        }
         self.mined.offer(score, || pair.sample());
     }
 }

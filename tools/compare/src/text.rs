@@ -89,7 +89,7 @@ fn conduct(text: &mut String, read: &Read) {
         "drove        {}; {} changes of the winner, {:.2} s changed by the arbiter",
         winners.join(", "),
         conduct.takeover_count(),
-        conduct.changed_s()
+        conduct.changed_s().max(0.0)
     );
     if let Some(outcome) = &conduct.outcome {
         let _ = writeln!(

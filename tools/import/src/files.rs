@@ -33,7 +33,7 @@ pub(crate) struct Image {
 pub(crate) fn images(folder: &Path) -> Result<Vec<Image>, ImportError> {
     let within = folder.join("depth");
     let folder = if within.is_dir() { within } else { folder.to_path_buf() };
-    let remedy = "give a folder with NUMBER.png depth images, or one with a folder depth in it";
+    let remedy = "give a folder with NUMBER.png depth images or with a folder depth in it, or a ROS 2 bag (an .mcap file, or a folder with metadata.yaml)";
     let fault = |source| ImportError::Read { path: folder.clone(), source, remedy };
     let mut images = Vec::new();
     for entry in std::fs::read_dir(&folder).map_err(fault)? {
@@ -76,7 +76,7 @@ fn numbers(text: &str) -> Option<Vec<f64>> {
 /// Intrinsics from a 3 x 3 matrix in `K.txt`.
 pub(crate) fn intrinsics(folder: &Path) -> Result<Intrinsics, ImportError> {
     let path = folder.join("K.txt");
-    let remedy = "write fx 0 cx / 0 fy cy / 0 0 1 into K.txt, or give --focal";
+    let remedy = "write fx 0 cx / 0 fy cy / 0 0 1 into K.txt, or give --intrinsics";
     let content = text(&path, remedy)?;
     let needed = "nine numbers, fx 0 cx 0 fy cy 0 0 1, with positive focal lengths";
     let wrong = |found: String| ImportError::content(&path, found, needed, remedy);

@@ -23,7 +23,7 @@ pub(crate) struct PolicyAgain {
 
 impl PolicyAgain {
     pub(crate) fn new(settings: &Settings) -> Result<Self, ReplayError> {
-        let policy = Policy::load(&settings.onnx, "of the recording", &settings.robot);
+        let policy = Policy::load(&settings.onnx, &settings.model_name, &settings.robot);
         let policy = policy.map_err(|error| refused(&error))?;
         Ok(Self { policy, kept: KeptMaps::default(), goal: None })
     }

@@ -94,7 +94,7 @@ impl Report {
     /// For a person.
     #[must_use]
     pub fn text(&self) -> String {
-        let head = ["node", "steps", "compared", "differ", "states", "differ"];
+        let head = ["node", "steps", "compared", "differ", "states", "st.differ"];
         let mut text = String::new();
         let mut row = |cells: [String; 6]| {
             let [name, rest @ ..] = cells;

@@ -76,7 +76,7 @@ impl Runner {
             bytes.map_or(0, u64::from_le_bytes)
         };
         let (after, size) = (number(0), number(8) as usize);
-        let Some(bytes) = entry.message.get(16..16 + size) else { return };
+        let Some(bytes) = entry.message.get(16..16_usize.saturating_add(size)) else { return };
         let state = State { epoch: entry.header.epoch, bytes: bytes.to_vec() };
         self.states.insert((entry.header.incarnation, after), state);
         while self.states.len() > STATES {
@@ -90,7 +90,9 @@ impl Runner {
         let Some(step) = self.steps.front().map(Rc::clone) else { return Turn::Waiting };
         let late = newest_ns > step.logged_ns.saturating_add(PATIENCE_NS);
         let key @ (incarnation, sequence) = (step.header.incarnation, step.header.sequence);
-        let follows = self.at.is_some_and(|((life, last), _)| life == incarnation && last + 1 == sequence);
+        let follows = self
+            .at
+            .is_some_and(|((life, last), _)| life == incarnation && last.checked_add(1) == Some(sequence));
         let from_state = self.kind.state.is_some() && !follows;
         let before = (incarnation, sequence.saturating_sub(1));
         if from_state && !self.states.contains_key(&before) {

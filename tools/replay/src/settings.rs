@@ -83,6 +83,8 @@ pub struct Settings {
     pub robot: Robot,
     /// The policy model.
     pub onnx: Vec<u8>,
+    /// What messages about the model call it.
+    pub model_name: String,
     /// Whether anything differs from the recording on purpose: nodes then take changed inputs, and nothing is a failure.
     pub changed: bool,
     /// The lead of the recording, which may differ from that of the graph.

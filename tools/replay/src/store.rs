@@ -32,7 +32,9 @@ pub(crate) enum Inputs {
 fn sequences(taken: &Taken) -> Option<Vec<u64>> {
     let span = taken.last.checked_sub(taken.first)?;
     match u64::from(taken.count) {
-        count if count == span + 1 => Some((taken.first..=taken.last).collect()),
+        // A header that claims more than is kept names nothing.
+        count if count > MESSAGES as u64 => None,
+        count if count.checked_sub(1) == Some(span) => Some((taken.first..=taken.last).collect()),
         2 => Some(vec![taken.first, taken.last]),
         _ => None,
     }

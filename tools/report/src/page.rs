@@ -5,19 +5,10 @@ use crate::style::page_sheet;
 use crate::table::Table;
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 
 /// Why a report cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    /// The file cannot be written.
-    #[error("report {path}: {source}; name a file in a folder that can be written")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
     /// A picture whose pixels do not fill it.
     #[error("report: {found} bytes for a picture of {width} x {height} pixels of 4 bytes; {detail}")]
     Pixels {
@@ -121,24 +112,4 @@ impl Report {
     pub fn json(&self) -> String {
         format!("{:#}\n", self.data)
     }
-
-    /// Writes the page.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
-    pub fn write_html(&self, path: &Path) -> Result<(), ReportError> {
-        write(path, &self.html())
-    }
-
-    /// Writes the numbers.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`].
-    pub fn write_json(&self, path: &Path) -> Result<(), ReportError> {
-        write(path, &self.json())
-    }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), ReportError> {
-    std::fs::write(path, text).map_err(|source| ReportError::Write { path: path.to_path_buf(), source })
 }
