@@ -20,7 +20,8 @@ impl Comparison {
             .take(5)
             .map(|shown| format!("{:.2} s (frame {})", shown.time_s, shown.frame))
             .collect();
-        let _ = writeln!(text, "worst        {}", worst.join(", "));
+        let worst = if worst.is_empty() { "none above 0".into() } else { worst.join(", ") };
+        let _ = writeln!(text, "worst        {worst}");
         text
     }
 
