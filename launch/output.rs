@@ -66,7 +66,7 @@ pub(crate) fn file(path: &Path, text: &str) -> Result<(), Failure> {
 /// Results for a machine, in a file.
 ///
 /// # Errors
-/// As [`file`].
+/// As [`file()`].
 pub(crate) fn json(path: &Path, value: &serde_json::Value) -> Result<(), Failure> {
     file(path, &format!("{value:#}\n"))
 }
