@@ -5,7 +5,7 @@ use clap::Args;
 use sidestep_bags::{BagError, BagOptions, export_bag, import_bag, is_bag};
 use sidestep_import::{Intrinsics, Placing, Up, import_folder};
 use sidestep_msgs::Isometry;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What to import.
 #[derive(Debug, Args)]
@@ -82,26 +82,12 @@ fn failure(error: &BagError) -> Failure {
     if error.is_usage() { Failure::usage(error.to_string()) } else { Failure::io(error.to_string()) }
 }
 
-/// What an earlier run made is not overwritten, and nothing is written beside it in silence.
-fn refuse_existing(out: &Path) -> Result<(), Failure> {
-    if !out.exists() {
-        return Ok(());
-    }
-    Err(Failure::usage(format!("{}: exists and is not overwritten; name another file", out.display())))
-}
-
 /// Turns a folder of depth images or a ROS 2 bag into a recording.
 ///
 /// # Errors
 /// Exit code 2 for an option, 3 for a file, and 3 for a bag that could not be read to its end.
 pub(crate) fn import(arguments: ImportArguments) -> Result<(), Failure> {
-    refuse_existing(&arguments.out)?;
-    let rate = arguments.folder.rate;
-    if !(rate > 0.0 && rate <= 1000.0) {
-        return Err(Failure::usage(format!(
-            "--rate is {rate}, needed: more than 0, at most 1000 images a second"
-        )));
-    }
+    crate::output::refuse_existing(&arguments.out)?;
     let intrinsics = match arguments.intrinsics[..] {
         [] => None,
         [fx_px, fy_px, cx_px, cy_px] => Some(Intrinsics { fx_px, fy_px, cx_px, cy_px }),
@@ -126,7 +112,7 @@ pub(crate) fn import(arguments: ImportArguments) -> Result<(), Failure> {
         intrinsics,
         placing,
     };
-    let summary = import_folder(&options, &arguments.out).map_err(|error| Failure::io(error.to_string()))?;
+    let summary = import_folder(&options, &arguments.out).map_err(|error| failure(&error.into()))?;
     crate::output::line(&format!(
         "{}: {} images over {:.1} s and {:.1} m, {} left out for want of a floor",
         summary.path.display(),
@@ -180,7 +166,7 @@ fn bag(arguments: ImportArguments, intrinsics: Option<Intrinsics>) -> Result<(),
 /// # Errors
 /// Exit code 3 where the recording cannot be read to its end or the bag cannot be written.
 pub(crate) fn export(arguments: &ExportArguments) -> Result<(), Failure> {
-    refuse_existing(&arguments.out)?;
+    crate::output::refuse_existing(&arguments.out)?;
     let summary = export_bag(&arguments.file, &arguments.out).map_err(|error| failure(&error))?;
     let totals = &summary.totals;
     for (topic, count) in &totals.messages {

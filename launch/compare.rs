@@ -66,10 +66,7 @@ pub(crate) fn compare(arguments: CompareArguments) -> Result<(), Failure> {
         By::Disagreement => Rank::Disagreement,
     };
     [&html, &json, &svg].into_iter().flatten().try_for_each(|path| crate::output::may_write(path))?;
-    if let Some(out) = out.as_ref().filter(|out| out.exists()) {
-        let why = format!("{}: exists and is not overwritten; name another file", out.display());
-        return Err(Failure::usage(why));
-    }
+    out.iter().try_for_each(|out| crate::output::refuse_existing(out))?;
     let mine = mine.zip(out).map(|(count, out)| Mine { count, out });
     let begin_ns = sidestep_bus::host_ns();
     let options = Options { file, other, worst, rank, mine };

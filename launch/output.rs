@@ -53,6 +53,17 @@ pub(crate) fn may_write(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Refuses to write over, or in silence beside, what an earlier command made.
+///
+/// # Errors
+/// Exit code 2 with the name.
+pub(crate) fn refuse_existing(path: &Path) -> Result<(), Failure> {
+    if !path.exists() {
+        return Ok(());
+    }
+    Err(Failure::usage(format!("{}: exists and is not overwritten; name another file", path.display())))
+}
+
 /// Results in a file.
 ///
 /// # Errors

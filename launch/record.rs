@@ -66,19 +66,12 @@ fn refused(error: NodeError) -> Failure {
 /// Exit code 2 for options, 3 where no run lives, the disk refuses or messages were lost.
 pub(crate) fn record(arguments: RecordArguments) -> Result<(), Failure> {
     let config = Config {
-        folder: arguments.folder,
-        whole_drive: true,
         topics: arguments.topics,
         exclude: arguments.exclude,
         split_mb: arguments.split_mb,
         split_s: arguments.split_s,
         free_mb_least: arguments.free_mb_least,
-        black_box_mb: 0,
-        flush_period_s: 0.5,
-        queue_small: 1024,
-        queue_large: 48,
-        attach: Vec::new(),
-        view: true,
+        ..Config::plain(arguments.folder)
     };
     config.check().map_err(Failure::usage)?;
     let run = runs()?.remove(0);

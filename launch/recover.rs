@@ -53,12 +53,7 @@ fn name_beside(file: &Path) -> PathBuf {
 pub(crate) fn recover(arguments: &Arguments) -> Result<(), Failure> {
     let file = &arguments.file;
     let out = arguments.out.clone().unwrap_or_else(|| name_beside(file));
-    if out.exists() {
-        return Err(Failure::usage(format!(
-            "{}: exists and is not overwritten; name another file",
-            out.display()
-        )));
-    }
+    crate::output::refuse_existing(&out)?;
     arguments.json.iter().try_for_each(|path| crate::output::may_write(path))?;
     let salvaged = copy(file, &out)?;
     crate::output::line(&text(&salvaged, file, &out));

@@ -1,6 +1,6 @@
 //! Nodes are killed and stopped; the graph comes back, the robot stops in time, nothing is left.
 
-use crate::harness::{Alone, Folder, Outcome, Running, finish, send_signal, sidestep};
+use crate::harness::{Alone, Folder, Outcome, PATIENT, Running, SMALL, finish, send_signal, sidestep};
 use serde_json::Value;
 use sidestep_bus::{DomainName, Keep, Link, Step, environment, host_ns, pause};
 use sidestep_msgs::{COMMAND, Code, Command, Reason};
@@ -9,21 +9,6 @@ use std::path::Path;
 use std::time::Duration;
 
 const NODES: &[&str] = &["sim", "mapper", "goal", "policy", "expert", "arbiter", "recorder"];
-/// Supervision for tests on a loaded machine: restarts without end or pause, and patience with slow starts.
-const PATIENT: &[&str] = &[
-    "--set",
-    "supervision.restarts_most=1000000",
-    "--set",
-    "supervision.delay_most_ms=1",
-    "--set",
-    "supervision.hang_ms=5000",
-    "--set",
-    "supervision.start_ms=60000",
-];
-
-/// A small image: these tests are about processes, and share the machine.
-const SMALL: &[&str] = &["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
-
 /// SplitMix64: the seed is printed by its user.
 struct Random(u64);
 

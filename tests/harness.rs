@@ -12,6 +12,20 @@ use std::time::Duration;
 /// Time after which a command that should have ended is killed and the test fails.
 const WATCHDOG: Duration = Duration::from_secs(180);
 
+/// A small image: tests about processes and files share the machine.
+pub(crate) const SMALL: &[&str] = &["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
+/// Supervision for tests on a loaded machine: restarts without end or pause, and patience with slow starts.
+pub(crate) const PATIENT: &[&str] = &[
+    "--set",
+    "supervision.restarts_most=1000000",
+    "--set",
+    "supervision.delay_most_ms=1",
+    "--set",
+    "supervision.hang_ms=5000",
+    "--set",
+    "supervision.start_ms=60000",
+];
+
 /// One graph at a time: two would share two cores, and each would see the other's load as its own fault.
 pub(crate) struct Alone(#[allow(dead_code, reason = "held, not read")] MutexGuard<'static, ()>);
 

@@ -1,6 +1,6 @@
 //! Graph time in steps: the same seed gives the same bytes, over processes and in one.
 
-use crate::harness::{Alone, Folder, Running, run_with_summary, send_signal, sidestep};
+use crate::harness::{Alone, Folder, Running, SMALL, run_with_summary, send_signal, sidestep};
 use sidestep_bus::{Keep, Link, Step};
 use sidestep_drive::{Drive, Setup};
 use sidestep_msgs::{COMMAND, LOCAL_GOAL, Robot, Winner};
@@ -25,8 +25,6 @@ const TOPICS: &[&str] = &[
     "expert_command",
     "command",
 ];
-
-const SMALL: &[&str] = &["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
 
 /// Drives in lockstep and returns the messages of each topic in their order.
 fn drive(name: &str, lead: &str, time: &str) -> Vec<Vec<Entry>> {

@@ -1,6 +1,8 @@
 //! The recorder in the field: killed at any moment, split, asked for the last seconds, beside another, before a full disk.
 
-use crate::harness::{Alone, Folder, Outcome, Running, finish, run, run_with_summary, send_signal, sidestep};
+use crate::harness::{
+    Alone, Folder, Outcome, PATIENT, Running, SMALL, finish, run, run_with_summary, send_signal, sidestep,
+};
 use crate::recordings::SmallDisk;
 use serde_json::Value;
 use sidestep_bus::{DomainName, environment, host_ns, pause};
@@ -11,20 +13,6 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 const SECOND_NS: u64 = 1_000_000_000;
-/// A small image: most of these tests are about files, and share the machine.
-const SMALL: &[&str] = &["--set", "sim.width_px=160", "--set", "sim.height_px=120"];
-/// Supervision for tests on a loaded machine.
-const PATIENT: &[&str] = &[
-    "--set",
-    "supervision.restarts_most=1000000",
-    "--set",
-    "supervision.delay_most_ms=1",
-    "--set",
-    "supervision.hang_ms=5000",
-    "--set",
-    "supervision.start_ms=60000",
-];
-
 fn drive(folder: &Path, more: &[&str]) -> Command {
     let folder = folder.display().to_string();
     sidestep(&[&["run", "sim", "--record", &folder][..], SMALL, PATIENT, more].concat())

@@ -139,21 +139,6 @@ impl Boot {
         Ok(self.graph()?.budget_s(&self.node))
     }
 
-    /// The files of the run: the resolved graph, the robot, which model drives, and that model where no binary holds it.
-    ///
-    /// # Errors
-    /// [`NodeError::File`].
-    pub fn files(&self) -> Result<Vec<(String, Vec<u8>)>, NodeError> {
-        let mut files = Vec::new();
-        for (name, path) in [("graph.toml", &self.graph), ("robot.toml", &self.robot)] {
-            files.push((name.into(), Self::read(path)?.into_bytes()));
-        }
-        for name in ["model.toml", "model.onnx"] {
-            files.extend(std::fs::read(self.graph.with_file_name(name)).map(|bytes| (name.into(), bytes)));
-        }
-        Ok(files)
-    }
-
     /// The robot.
     ///
     /// # Errors

@@ -44,7 +44,18 @@ pub struct DomainName {
     pub root: PathBuf,
 }
 
+/// What the launcher leaves in the folder of a run.
+const RUN_FILES: [&str; 4] = ["graph.toml", "robot.toml", "model.toml", "model.onnx"];
+
 impl DomainName {
+    /// The files of the run by name: the resolved graph, the robot, which model drives, and that model where no binary
+    /// holds it.
+    #[must_use]
+    pub fn files(&self) -> Vec<(String, Vec<u8>)> {
+        let read = |name: &str| fs::read(self.root.join(name)).map(|bytes| (name.to_owned(), bytes));
+        RUN_FILES.iter().filter_map(|name| read(name).ok()).collect()
+    }
+
     fn config(&self) -> Result<Config, NodeError> {
         let refused = |detail: &dyn std::fmt::Debug| NodeError::transport("domain", "name it", detail);
         let mut config = Config::default();

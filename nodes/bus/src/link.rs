@@ -111,6 +111,8 @@ pub struct Link {
     rare: RefCell<Vec<Rc<dyn UpdateConnections>>>,
     /// For a node that keeps a state: a recorder that begins a file asks for it.
     files: RefCell<Option<Inbox<Recording>>>,
+    /// Incarnation of the recorder that spoke last, and the files that it had begun.
+    files_begun: (u32, u64),
     /// `[ns]` host time at which [`Link::look`] meets late readers next.
     meet_ns: u64,
     // Dropped last: everything above lives in it.
@@ -176,6 +178,7 @@ impl Link {
             waits: Cell::new(false),
             rare: RefCell::default(),
             files: RefCell::default(),
+            files_begun: (0, 0),
             meet_ns: 0,
             node,
         })
@@ -370,9 +373,13 @@ impl Link {
         step.open_loop = self.clock.open_loop();
         step.lockstep = self.clock.lockstep();
         if let Some(files) = self.files.get_mut()
-            && files.newest(&mut aside)?.is_some()
+            && let Some(word) = files.newest(&mut aside)?
         {
-            step.owe_state();
+            let begun = (word.header().incarnation, word.files);
+            if begun != self.files_begun {
+                step.owe_state();
+            }
+            self.files_begun = begun;
         }
         Ok(())
     }

@@ -1,11 +1,9 @@
 //! MCAP files of other programs: their channels and messages as they stand, for tools that know what they mean.
 
 use crate::error::PlayerError;
-use crate::scan::{MAGIC, Scan};
+use crate::scan::{Extent, Scan};
 use mcap::records::Record;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// One channel of a file.
@@ -49,7 +47,7 @@ pub fn read_foreign<E: From<PlayerError>>(
     path: &Path,
     mut look: impl FnMut(&ForeignChannel, ForeignMessage) -> Result<(), E>,
 ) -> Result<ForeignEnd, E> {
-    let mut scan = Scan::open(path)?;
+    let mut scan = Scan::through(path, Extent::Whole)?;
     let mut schemas = BTreeMap::<u16, String>::new();
     let mut channels = BTreeMap::<u16, ForeignChannel>::new();
     let mut profile = String::new();
@@ -81,17 +79,6 @@ pub fn read_foreign<E: From<PlayerError>>(
             None => break,
         }
     }
-    let damage = scan.damage().map(str::to_owned).or_else(|| missing_end(path));
+    let damage = scan.damage().map(str::to_owned);
     Ok(ForeignEnd { profile, channels: channels.into_values().collect(), damage })
-}
-
-/// A file that was cut between two records has no damage but lacks its last bytes.
-fn missing_end(path: &Path) -> Option<String> {
-    let mut last = [0; MAGIC.len()];
-    let read = File::open(path).and_then(|mut file| {
-        file.seek(SeekFrom::End(-(MAGIC.len() as i64)))?;
-        file.read_exact(&mut last)
-    });
-    let missing = read.is_err() || last != MAGIC;
-    missing.then(|| "the end mark is missing, as after a kill or a full disk".into())
 }

@@ -32,21 +32,7 @@ fn second() -> Vec<Said> {
 #[divan::bench(args = [0, 64, 256], sample_count = 30, sample_size = 1)]
 fn second_with_black_box_mb(bencher: Bencher, black_box_mb: u64) {
     let folder = std::env::temp_dir().join(format!("sidestep-bench-{}", std::process::id()));
-    let config = Config {
-        folder: folder.clone(),
-        whole_drive: true,
-        topics: Vec::new(),
-        exclude: Vec::new(),
-        split_mb: 0,
-        split_s: 0.0,
-        free_mb_least: 500,
-        black_box_mb,
-        flush_period_s: 0.5,
-        queue_small: 64,
-        queue_large: 2,
-        attach: Vec::new(),
-        view: true,
-    };
+    let config = Config { free_mb_least: 500, black_box_mb, ..Config::plain(folder.clone()) };
     let filter = Filter::of(&[], &[]).unwrap_or_else(|error| unreachable!("{error}"));
     let origin = Origin { flush_period_ns: SECOND_NS / 2, ..Origin::default() };
     let files = Files::begin(&config, filter, origin, 0).unwrap_or_else(|error| unreachable!("{error}"));

@@ -37,6 +37,26 @@ pub struct Config {
 }
 
 impl Config {
+    /// The whole drive with all topics into one file, without a black box.
+    #[must_use]
+    pub fn plain(folder: PathBuf) -> Self {
+        Self {
+            folder,
+            whole_drive: true,
+            topics: Vec::new(),
+            exclude: Vec::new(),
+            split_mb: 0,
+            split_s: 0.0,
+            free_mb_least: 0,
+            black_box_mb: 0,
+            flush_period_s: 0.5,
+            queue_small: 1024,
+            queue_large: 48,
+            attach: Vec::new(),
+            view: true,
+        }
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors
@@ -92,31 +112,12 @@ impl Config {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    /// Everything into one file, no black box.
-    pub(crate) fn plain(folder: PathBuf) -> Config {
-        Config {
-            folder,
-            whole_drive: true,
-            topics: Vec::new(),
-            exclude: Vec::new(),
-            split_mb: 0,
-            split_s: 0.0,
-            free_mb_least: 0,
-            black_box_mb: 0,
-            flush_period_s: 1.0,
-            queue_small: 1024,
-            queue_large: 24,
-            attach: Vec::new(),
-            view: true,
-        }
-    }
 
     #[test]
     fn a_setting_out_of_range_is_named_with_its_range() {
-        let good = plain("recordings".into());
+        let good = Config::plain("recordings".into());
         assert_eq!(good.check(), Ok(()));
         for bad in [
             Config { flush_period_s: f64::NAN, ..good.clone() },

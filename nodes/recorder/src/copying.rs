@@ -2,14 +2,12 @@
 
 use crate::error::RecordError;
 use crate::file::DiskFile;
+use crate::writer::whole_chunks;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::write::{Metadata, NoSeek};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-/// `[byte]` a chunk is closed when it is larger than this.
-const CHUNK_BYTES: u64 = 1 << 20;
 
 /// Writes records again: schemas, channels, messages, attachments and metadata; indices and sums are made anew.
 pub struct Copying<W: Write> {
@@ -57,15 +55,8 @@ impl<W: Write> Copying<W> {
 
     fn writer(&mut self, profile: &str, library: &str) -> Result<&mut mcap::Writer<NoSeek<W>>, McapError> {
         if let Some(stream) = self.stream.take() {
-            let mcap = mcap::WriteOptions::new()
-                .compression(Some(mcap::Compression::Lz4))
-                .compression_threads(0)
-                .chunk_size(Some(CHUNK_BYTES))
-                .disable_seeking(true)
-                .profile(profile)
-                .library(library)
-                .create(NoSeek::new(stream))?;
-            self.mcap = Some(mcap);
+            let options = whole_chunks().profile(profile).library(library);
+            self.mcap = Some(options.create(NoSeek::new(stream))?);
         }
         self.mcap.as_mut().ok_or(McapError::AttemptedWriteAfterFailure)
     }

@@ -270,7 +270,6 @@ impl Sink for Files {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::tests::plain;
     use sidestep_msgs::{Header, ODOMETRY, Odometry};
     use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -280,7 +279,7 @@ mod tests {
     #[test]
     fn a_recording_ends_in_order_before_the_disk_is_full() {
         let folder = std::env::temp_dir().join(format!("sidestep-recorder-{}-space", std::process::id()));
-        let config = Config { free_mb_least: 1, ..plain(folder.clone()) };
+        let config = Config { free_mb_least: 1, ..Config::plain(folder.clone()) };
         let filter = Filter::of(&[], &[]).unwrap();
         let mut files = Files::begin(&config, filter, Origin::default(), 0).unwrap();
         files.space.free = |_| Ok(FREE.fetch_sub(400_000, Ordering::Relaxed));

@@ -69,7 +69,7 @@ pub fn run(boot: &Boot, fan: Option<Fan>) -> Result<(), NodeError> {
     let config: Config = boot.config()?;
     config.check().map_err(NodeError::Configuration)?;
     let view = ViewSettings { shown: config.view, footprint_m: boot.robot()?.footprint.polygon_m, fan };
-    let origin = origin(&config, (boot.run, boot.incarnation), boot.files()?, view)?;
+    let origin = origin(&config, (boot.run, boot.incarnation), boot.domain.files(), view)?;
     let (mut queue, progress, path) = start(&config, origin)?;
     if path != Path::new("") {
         let _ = std::fs::write(boot.domain.root.join("recording"), path.display().to_string());

@@ -17,6 +17,15 @@ use std::io::Write;
 const CHUNK_BYTES: u64 = 1 << 20;
 const LIBRARY: &str = concat!("sidestep/", env!("CARGO_PKG_VERSION"));
 
+/// Chunks are compressed, and complete in memory before they reach the stream.
+pub(crate) fn whole_chunks() -> mcap::WriteOptions {
+    mcap::WriteOptions::new()
+        .compression(Some(mcap::Compression::Lz4))
+        .compression_threads(0)
+        .chunk_size(Some(CHUNK_BYTES))
+        .disable_seeking(true)
+}
+
 /// What a recording says of where it comes from.
 #[derive(Debug, Clone, Default)]
 pub struct Origin {
@@ -93,13 +102,7 @@ impl<W: Write> Writer<W> {
     }
 
     fn begin(stream: W, name: &str, origin: &Origin) -> Result<Self, mcap::McapError> {
-        let mut mcap = mcap::WriteOptions::new()
-            .compression(Some(mcap::Compression::Lz4))
-            .compression_threads(0)
-            .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(true)
-            .library(LIBRARY)
-            .create(NoSeek::new(stream))?;
+        let mut mcap = whole_chunks().library(LIBRARY).create(NoSeek::new(stream))?;
         mcap.write_metadata(&origin_record(origin))?;
         for (name, bytes) in &origin.attachments {
             mcap.attach(&mcap::Attachment {

@@ -36,21 +36,7 @@ impl Drop for Folder {
 }
 
 fn config(folder: &Folder) -> Config {
-    Config {
-        folder: folder.0.clone(),
-        whole_drive: true,
-        topics: Vec::new(),
-        exclude: Vec::new(),
-        split_mb: 0,
-        split_s: 0.0,
-        free_mb_least: 0,
-        black_box_mb: 0,
-        flush_period_s: 0.5,
-        queue_small: 64,
-        queue_large: 2,
-        attach: Vec::new(),
-        view: false,
-    }
+    Config { queue_small: 64, queue_large: 2, view: false, ..Config::plain(folder.0.clone()) }
 }
 
 fn origin() -> Origin {

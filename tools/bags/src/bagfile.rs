@@ -4,6 +4,7 @@ use crate::cdr::encode;
 use crate::error::BagError;
 use crate::schemas::schema;
 use serde::Serialize;
+use sidestep_import::ImportError;
 use sidestep_recorder::BagWriter;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -81,7 +82,7 @@ impl BagFile {
         } else {
             std::fs::create_dir(out).map_err(|source| {
                 let remedy = "name a folder that does not exist yet, in one that does";
-                BagError::Access { path: out.to_path_buf(), source, remedy }
+                BagError::Import(ImportError::Read { path: out.to_path_buf(), source, remedy })
             })?;
             let name = out.file_name().unwrap_or_default().to_string_lossy().into_owned();
             Some((out.to_path_buf(), format!("{name}_0.mcap")))
@@ -131,7 +132,7 @@ impl BagFile {
         let listing = folder.join("metadata.yaml");
         std::fs::write(&listing, metadata(&self.topics, &totals, &name)).map_err(|source| {
             let remedy = "free space; the .mcap file beside it is complete";
-            BagError::Access { path: listing, source, remedy }
+            BagError::Import(ImportError::Read { path: listing, source, remedy })
         })?;
         Ok(BagTotals { path: folder, ..totals })
     }

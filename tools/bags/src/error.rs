@@ -8,16 +8,9 @@ use std::path::{Path, PathBuf};
 /// Why a bag cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum BagError {
-    /// A file or folder cannot be read or made.
-    #[error("{path}: {source}; {remedy}")]
-    Access {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-        /// What to do.
-        remedy: &'static str,
-    },
+    /// What an import of images and bags can both meet.
+    #[error(transparent)]
+    Import(#[from] ImportError),
     /// The bag does not hold what is needed.
     #[error("{path}: found {found}, needed {needed}; {remedy}")]
     Content {
@@ -52,7 +45,7 @@ impl BagError {
     /// Whether an option of the command, and not the bag, is what must change.
     #[must_use]
     pub fn is_usage(&self) -> bool {
-        matches!(self, Self::Choice { .. })
+        matches!(self, Self::Choice { .. } | Self::Import(ImportError::Setting { .. }))
     }
 
     pub(crate) fn content(
@@ -67,17 +60,5 @@ impl BagError {
 
     pub(crate) fn choice(path: &Path, found: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Choice { path: path.to_path_buf(), found: found.into(), remedy: remedy.into() }
-    }
-}
-
-impl From<ImportError> for BagError {
-    fn from(error: ImportError) -> Self {
-        match error {
-            ImportError::Read { path, source, remedy } => Self::Access { path, source, remedy },
-            ImportError::Content { path, found, needed, remedy } => {
-                Self::Content { path, found, needed, remedy: remedy.into() }
-            }
-            ImportError::Record(error) => Self::Write(error),
-        }
     }
 }

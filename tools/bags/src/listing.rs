@@ -1,6 +1,7 @@
 //! Which files a bag consists of, and what is a bag of another kind.
 
 use crate::error::BagError;
+use sidestep_import::ImportError;
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
@@ -41,7 +42,7 @@ pub(crate) fn files(source: &Path) -> Result<Vec<PathBuf>, BagError> {
 fn folder_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let fault = |source| {
         let remedy = "give an .mcap file or the folder of a bag";
-        BagError::Access { path: folder.to_path_buf(), source, remedy }
+        BagError::Import(ImportError::Read { path: folder.to_path_buf(), source, remedy })
     };
     let listing = folder.join(METADATA);
     if listing.is_file() {
@@ -145,7 +146,7 @@ fn check_kind(file: &Path) -> Result<(), BagError> {
     let read = File::open(file).and_then(|file| file.take(16).read_to_end(&mut first));
     read.map_err(|source| {
         let remedy = "give an .mcap file or the folder of a bag";
-        BagError::Access { path: file.to_path_buf(), source, remedy }
+        BagError::Import(ImportError::Read { path: file.to_path_buf(), source, remedy })
     })?;
     if first.starts_with(SQLITE_MAGIC) || has_end(file, "db3") {
         return Err(sqlite(file));

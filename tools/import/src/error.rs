@@ -28,6 +28,16 @@ pub enum ImportError {
         /// What to do.
         remedy: &'static str,
     },
+    /// An option cannot be.
+    #[error("{option} is {found}, needed: {needed}")]
+    Setting {
+        /// The option.
+        option: &'static str,
+        /// Its value.
+        found: f64,
+        /// Its range.
+        needed: &'static str,
+    },
     /// The recording could not be written.
     #[error(transparent)]
     Record(#[from] RecordError),

@@ -66,17 +66,12 @@ impl Source {
     /// [`ImportError`] with path, found, needed and remedy.
     pub fn open(options: &Options) -> Result<Self, ImportError> {
         let folder = &options.folder;
+        if !(options.rate_hz > 0.0 && options.rate_hz <= 1000.0) {
+            let needed = "more than 0, at most 1000 images a second";
+            return Err(ImportError::Setting { option: "--rate", found: options.rate_hz, needed });
+        }
         let images = files::images(folder)?;
         let intrinsics = options.intrinsics.map_or_else(|| files::intrinsics(folder), Ok)?;
-        if !(options.rate_hz > 0.0 && options.rate_hz <= 1000.0) {
-            let remedy = "give --rate in images per second";
-            return Err(ImportError::content(
-                folder,
-                options.rate_hz.to_string(),
-                "a rate of 0 to 1000 Hz",
-                remedy,
-            ));
-        }
         let standing = Placed { base: Pose2::ORIGIN, camera: Isometry::default() };
         let mut source = Self {
             placed: vec![standing; images.len()],

@@ -98,6 +98,14 @@ pub(crate) fn status_of(header: &Header) -> Status {
     Status::from_code(header.status).unwrap_or(Status::Fault)
 }
 
+/// What a node writes of itself into a room of this size.
+fn written(room: usize, write: impl FnOnce(&mut [u8]) -> usize) -> Vec<u8> {
+    let mut bytes = vec![0; room];
+    let size = write(&mut bytes);
+    bytes.truncate(size);
+    bytes
+}
+
 struct MapperAgain {
     mapper: Mapper,
     depth: Box<DepthFrame>,
@@ -158,10 +166,7 @@ impl Again for MapperAgain {
     }
 
     fn state(&self) -> Vec<u8> {
-        let mut bytes = vec![0; MAPPER_STATE_BYTES];
-        let size = self.mapper.state(&mut bytes);
-        bytes.truncate(size);
-        bytes
+        written(MAPPER_STATE_BYTES, |bytes| self.mapper.state(bytes))
     }
 }
 
@@ -208,10 +213,7 @@ impl Again for GoalAgain {
     }
 
     fn state(&self) -> Vec<u8> {
-        let mut bytes = vec![0; GOAL_STATE_BYTES];
-        let size = self.goal.state(&mut bytes);
-        bytes.truncate(size);
-        bytes
+        written(GOAL_STATE_BYTES, |bytes| self.goal.state(bytes))
     }
 }
 
@@ -269,9 +271,6 @@ impl Again for ArbiterAgain {
     }
 
     fn state(&self) -> Vec<u8> {
-        let mut bytes = vec![0; ARBITER_STATE_BYTES];
-        let size = self.arbiter.state(&mut bytes);
-        bytes.truncate(size);
-        bytes
+        written(ARBITER_STATE_BYTES, |bytes| self.arbiter.state(bytes))
     }
 }

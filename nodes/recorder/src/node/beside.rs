@@ -10,13 +10,6 @@ use std::time::Duration;
 /// `[ns]` host time between two looks whether the run lives.
 const LOOK_EVERY_NS: u64 = 250_000_000;
 
-/// The files that the launcher left in the folder of the run.
-fn files(root: &Path) -> Vec<(String, Vec<u8>)> {
-    let names = ["graph.toml", "robot.toml", "model.toml", "model.onnx"];
-    let read = |name: &str| std::fs::read(root.join(name)).map(|bytes| (name.to_owned(), bytes));
-    names.iter().filter_map(|name| read(name).ok()).collect()
-}
-
 /// Records a live run until SIGINT or SIGTERM, its end, or for a span of host time; `begun` is told the first file.
 ///
 /// # Errors
@@ -35,7 +28,7 @@ pub fn record_beside(
     let mut link = Link::attach(domain, &format!("record-{}", std::process::id()), run, 0)?;
     let mut taps = Taps::open(&link, config)?;
     link.wake_on(COMMAND)?;
-    let (mut queue, _, path) = start(config, origin(config, (run, 0), files(&domain.root), view)?)?;
+    let (mut queue, _, path) = start(config, origin(config, (run, 0), domain.files(), view)?)?;
     begun(&path);
     let until_ns = time.map_or(u64::MAX, |time| host_ns().saturating_add(time.as_nanos() as u64));
     let mut look_ns = 0;

@@ -6,8 +6,8 @@ use sidestep_msgs::Recording;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// `[s]` the black box speaks of its growth in steps of this size: each word makes other nodes say their state.
-const HELD_STEP_S: f32 = 10.0;
+/// `[s]` the black box speaks of its growth in steps of this size.
+const HELD_STEP_S: f32 = 1.0;
 
 /// Says on `recording` what has changed.
 pub(super) struct Voice {
@@ -23,7 +23,7 @@ impl Voice {
         let (snapshots, snapshot_token, path) = self.progress.snapshots();
         let held_s = self.progress.held_s();
         let now = Recording { files: self.progress.files(), snapshots, snapshot_token, held_s, _pad: 0 };
-        let grown = !step.is_lockstep() && (held_s - self.said.held_s).abs() >= HELD_STEP_S;
+        let grown = (held_s - self.said.held_s).abs() >= HELD_STEP_S;
         if !grown && now == (Recording { held_s, ..self.said }) {
             return Ok(());
         }
