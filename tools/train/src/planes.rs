@@ -10,6 +10,8 @@ use sidestep_policy::{Lanes, ROW_CELLS as WIDTH, convolve, multiply_add, on_lane
 const STRIDE: usize = 34;
 /// Floats of a padded plane.
 pub(crate) const PLANE: usize = (LOCAL_SIDE + 2) * STRIDE;
+/// Cells of half a row: one vector.
+const HALF: usize = WIDTH / 2;
 /// Winners of a round.
 const WINNERS: usize = LOCAL_SIDE * WIDTH;
 
@@ -46,10 +48,10 @@ pub(crate) struct PlaneScratch {
     /// Gradient of rq.
     reward_gradient: Vec<f32>,
     /// Gradient of the value kernels, one sum per lane.
-    sums: Vec<[f32; WIDTH]>,
+    sums: Vec<[[f32; HALF]; 9]>,
     /// Per tap: gradient sent to that neighbour.
     sent: Vec<f32>,
-    gradient: [Vec<f32>; 2],
+    gradient: Vec<f32>,
 }
 
 impl Trace {
@@ -72,15 +74,15 @@ impl PlaneScratch {
         Self {
             reward: vec![0.0; channels * WINNERS],
             reward_gradient: vec![0.0; channels * WINNERS],
-            sums: vec![[0.0; WIDTH]; channels * 9],
+            sums: vec![[[0.0; HALF]; 9]; channels],
             sent: vec![0.0; 9 * PLANE],
-            gradient: [vec![0.0; PLANE], vec![0.0; PLANE]],
+            gradient: vec![0.0; PLANE],
         }
     }
 
     /// Where the gradient of V_K is put before [`backward`]: padded, zero where there is none.
     pub(crate) fn gradient(&mut self) -> &mut [f32] {
-        &mut self.gradient[0]
+        &mut self.gradient
     }
 }
 
@@ -167,6 +169,9 @@ fn forward_row<const FUSED: bool>(
     for lane in 0..WIDTH {
         winners[lane] = winner[lane] as u8;
     }
+    // Padding wins what its neighbour wins, so that backward visits no channel for it.
+    let (row, padding) = winners.split_at_mut(LOCAL_SIDE);
+    padding.fill(row[LOCAL_SIDE - 1]);
 }
 
 #[inline(always)]
@@ -176,59 +181,91 @@ fn backward_body<const FUSED: bool>(
     scratch: &mut PlaneScratch,
     out: &mut [f32],
 ) {
-    let channels = kernels.value.len();
     scratch.reward_gradient.fill(0.0);
-    scratch.sums.fill([0.0; WIDTH]);
-    let [mut gradient, mut before] = scratch.gradient.each_mut();
+    scratch.sums.fill([[0.0; HALF]; 9]);
     for round in (0..kernels.rounds).rev() {
         let plane = &trace.planes[round * PLANE..][..PLANE];
         let winners = &trace.winners[round * WINNERS..][..WINNERS];
-        for row in 0..LOCAL_SIDE {
-            let mut own = [0.0; WIDTH];
-            own[..LOCAL_SIDE].copy_from_slice(&gradient[place(row, 0)..][..LOCAL_SIDE]);
-            let mut sent = [[0.0; WIDTH]; 9];
-            let won = &winners[row * WIDTH..][..WIDTH];
-            for channel in 0..channels {
-                if !won.iter().fold(false, |any, winner| any | (usize::from(*winner) == channel)) {
-                    continue;
-                }
-                let mut part = [0.0; WIDTH];
-                for lane in 0..WIDTH {
-                    part[lane] = if usize::from(won[lane]) == channel { own[lane] } else { 0.0 };
-                }
-                let sum = &mut scratch.reward_gradient[(channel * LOCAL_SIDE + row) * WIDTH..][..WIDTH];
-                for lane in 0..WIDTH {
-                    sum[lane] += part[lane];
-                }
-                for tap in 0..9 {
-                    let cells = &plane[(row + tap / 3) * STRIDE + tap % 3..][..WIDTH];
-                    let sums = &mut scratch.sums[channel * 9 + tap];
-                    let weight = kernels.value[channel][tap];
-                    for lane in 0..WIDTH {
-                        sums[lane] = multiply_add::<FUSED>(part[lane], cells[lane], sums[lane]);
-                        sent[tap][lane] = multiply_add::<FUSED>(part[lane], weight, sent[tap][lane]);
-                    }
-                }
-            }
+        for half in 0..2 * LOCAL_SIDE {
+            let sent = backward_half::<FUSED>(kernels, plane, winners, half, scratch);
+            let place = place(half / 2, half % 2 * HALF);
             for (tap, sent) in sent.iter().enumerate() {
-                scratch.sent[tap * PLANE + place(row, 0)..][..WIDTH].copy_from_slice(sent);
+                scratch.sent[tap * PLANE + place..][..HALF].copy_from_slice(sent);
             }
         }
-        for row in 0..LOCAL_SIDE {
-            let mut total = [0.0; WIDTH];
-            for tap in 0..9 {
-                // What the cell one tap back sent here.
-                let from = tap * PLANE + (row + 2 - tap / 3) * STRIDE + 2 - tap % 3;
-                for (total, sent) in total.iter_mut().zip(&scratch.sent[from..][..WIDTH]) {
-                    *total += sent;
-                }
-            }
-            before[place(row, 0)..][..WIDTH].copy_from_slice(&total);
-            before[place(row, LOCAL_SIDE)..][..WIDTH - LOCAL_SIDE].fill(0.0);
-        }
-        std::mem::swap(&mut gradient, &mut before);
+        gather(&scratch.sent, &mut scratch.gradient);
     }
-    collect::<FUSED>(channels, trace, &scratch.reward_gradient, &scratch.sums, out);
+    collect::<FUSED>(kernels.value.len(), trace, &scratch.reward_gradient, &scratch.sums, out);
+}
+
+/// The first half row of a slice.
+#[inline(always)]
+fn load(cells: &[f32]) -> [f32; HALF] {
+    let mut lanes = [0.0; HALF];
+    lanes.copy_from_slice(&cells[..HALF]);
+    lanes
+}
+
+#[inline(always)]
+fn lanes_multiply_add<const FUSED: bool>(a: [f32; HALF], b: [f32; HALF], c: [f32; HALF]) -> [f32; HALF] {
+    std::array::from_fn(|lane| multiply_add::<FUSED>(a[lane], b[lane], c[lane]))
+}
+
+/// Half a row: adds to the gradients of the channels that won in it, and returns what each cell sends to its neighbours.
+#[inline(always)]
+fn backward_half<const FUSED: bool>(
+    kernels: &Kernels,
+    plane: &[f32],
+    winners: &[u8],
+    half: usize,
+    scratch: &mut PlaneScratch,
+) -> [[f32; HALF]; 9] {
+    let (row, col) = (half / 2, half % 2 * HALF);
+    let own = load(&scratch.gradient[place(row, col)..]);
+    let mut won = [0_u32; HALF];
+    let mut present = 0_u32;
+    for (won, winner) in won.iter_mut().zip(&winners[row * WIDTH + col..][..HALF]) {
+        *won = u32::from(*winner);
+        present |= 1 << *won;
+    }
+    let mut sent = [[0.0; HALF]; 9];
+    while present != 0 {
+        let channel = present.trailing_zeros();
+        present &= present - 1;
+        let mut part = [0.0; HALF];
+        for lane in 0..HALF {
+            part[lane] = if won[lane] == channel { own[lane] } else { 0.0 };
+        }
+        let channel = channel as usize;
+        let reward = &mut scratch.reward_gradient[channel * WINNERS + row * WIDTH + col..][..HALF];
+        for lane in 0..HALF {
+            reward[lane] += part[lane];
+        }
+        let (weights, sums) = (&kernels.value[channel], &mut scratch.sums[channel]);
+        for tap in 0..9 {
+            let cells = load(&plane[(row + tap / 3) * STRIDE + col + tap % 3..]);
+            sums[tap] = lanes_multiply_add::<FUSED>(part, cells, sums[tap]);
+            sent[tap] = lanes_multiply_add::<FUSED>(part, [weights[tap]; HALF], sent[tap]);
+        }
+    }
+    sent
+}
+
+/// The gradient of the V before: what the neighbours sent to each cell.
+#[inline(always)]
+fn gather(sent: &[f32], gradient: &mut [f32]) {
+    for row in 0..LOCAL_SIDE {
+        let mut total = [0.0; WIDTH];
+        for tap in 0..9 {
+            // What the cell one tap back sent here.
+            let from = tap * PLANE + (row + 2 - tap / 3) * STRIDE + 2 - tap % 3;
+            for (total, sent) in total.iter_mut().zip(&sent[from..][..WIDTH]) {
+                *total += sent;
+            }
+        }
+        gradient[place(row, 0)..][..WIDTH].copy_from_slice(&total);
+        gradient[place(row, LOCAL_SIDE)..][..WIDTH - LOCAL_SIDE].fill(0.0);
+    }
 }
 
 /// Sums over lanes and over the reward map into the parameter gradient.
@@ -237,7 +274,7 @@ fn collect<const FUSED: bool>(
     channels: usize,
     trace: &Trace,
     reward_gradient: &[f32],
-    sums: &[[f32; WIDTH]],
+    sums: &[[[f32; HALF]; 9]],
     out: &mut [f32],
 ) {
     for channel in 0..channels {
@@ -257,7 +294,7 @@ fn collect<const FUSED: bool>(
         }
         for tap in 0..9 {
             out[channel * 9 + tap] += taps[tap].iter().sum::<f32>();
-            out[channels * 10 + channel * 9 + tap] += sums[channel * 9 + tap].iter().sum::<f32>();
+            out[channels * 10 + channel * 9 + tap] += sums[channel][tap].iter().sum::<f32>();
         }
         out[channels * 9 + channel] += bias.iter().sum::<f32>();
     }
