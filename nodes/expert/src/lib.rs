@@ -9,6 +9,7 @@
 
 mod candidates;
 mod config;
+mod evolution;
 mod expert;
 mod fan;
 mod judge;

@@ -2,17 +2,26 @@
 
 use crate::candidates::{PIECE_STEPS, PIECES, Pieces, groups};
 use crate::config::Weights;
+use crate::evolution::{Evolution, Strategy};
 use crate::problem::{HORIZON_STEPS, Problem, STEP_S};
 use crate::refinement::{Range, Scored, best_lane, improve};
 use crate::rollout::{Group, Kernel, LANES, Scores, look_up};
 use sidestep_msgs::{LOCAL_CELLS, Limits, Pose2, Twist};
 
-/// Distinct candidates that a solved plan improves.
-const STARTS: usize = 4;
+/// Candidates that a solved plan begins with, at least.
+const SOLVED_CANDIDATES: usize = 2000;
+/// Distinct ones of them that it improves.
+const STARTS: usize = 10;
 /// Candidates differ when a number of theirs differs by this part of its range.
 const DISTINCT: f32 = 0.2;
-/// Rounds of sixteen probes per start of a solved plan.
-const SOLVED_ROUNDS: usize = 80;
+/// Rounds of sixteen probes of each start.
+const SOLVED_ROUNDS: usize = 10;
+/// Generations of sixteen samples of each start, after which only the best go on.
+const TRIAL: usize = 12;
+/// Starts that go on.
+const FINALISTS: usize = 3;
+/// Generations of those.
+const GENERATIONS: usize = 60;
 /// Groups of sixteen candidates beside the seed of a refined plan.
 const REFINED_GROUPS: usize = 3;
 /// Rounds of sixteen probes of a refined plan: with the groups and the seed's own, a quarter of 734 evaluations.
@@ -25,7 +34,7 @@ const TOLERANCE: f32 = 0.1;
 pub enum Mode {
     /// The best candidate.
     Plain,
-    /// The best four distinct candidates, improved.
+    /// The best ten distinct candidates, improved.
     Solved,
     /// A proposal from elsewhere, improved; better than 734 candidates at a quarter of their evaluations.
     Refined(Twist),
@@ -80,6 +89,7 @@ pub struct Planner {
     scores: Vec<Scores>,
     problem: Problem,
     kernel: Kernel,
+    strategy: Strategy,
 }
 
 impl Planner {
@@ -87,7 +97,7 @@ impl Planner {
     #[must_use]
     pub fn new(limits: &Limits, weights: &Weights, candidates: usize) -> Self {
         let candidates = candidates.max(1);
-        let groups = groups(candidates, limits);
+        let groups = groups(candidates.max(SOLVED_CANDIDATES), limits);
         Self {
             limits: *limits,
             range: Range::whole(limits),
@@ -96,6 +106,7 @@ impl Planner {
             groups,
             problem: Problem::new(limits, *weights),
             kernel: Kernel::best(),
+            strategy: Strategy::new(GENERATIONS),
         }
     }
 
@@ -103,7 +114,7 @@ impl Planner {
     pub fn plan(&mut self, cost: &[u8; LOCAL_CELLS], goal_cell: usize, from: Twist, mode: Mode) -> Plan {
         self.problem.pose(cost, goal_cell, from);
         let (best, evaluated) = match mode {
-            Mode::Plain => (self.plain(), self.candidates),
+            Mode::Plain => (self.best_of(self.candidates), self.candidates),
             Mode::Solved => self.solved(),
             Mode::Refined(seed) => self.refined(seed),
         };
@@ -199,37 +210,43 @@ impl Planner {
         Scored { pieces: self.groups[group].get(lane), cost: score.cost[lane], worst: score.worst[lane] }
     }
 
-    /// Evaluates every candidate; the best, the first of equals.
-    fn plain(&mut self) -> Scored {
-        self.kernel.evaluate(&self.problem, &self.groups, &mut self.scores);
-        let (mut best, mut least) = (0, f32::INFINITY);
-        for (number, score) in self.scores.iter().enumerate() {
-            let lane = best_lane(score);
-            if score.cost[lane] < least {
-                (best, least) = (number * LANES + lane, score.cost[lane]);
-            }
-        }
-        self.scored(best)
+    /// Evaluates the first `count` candidates, whole groups; the best, the first of equals.
+    fn best_of(&mut self, count: usize) -> Scored {
+        let groups = count.div_ceil(LANES).min(self.groups.len());
+        self.kernel.evaluate(&self.problem, &self.groups[..groups], &mut self.scores[..groups]);
+        let index = (0..count).reduce(|best, index| {
+            if self.cost_of_candidate(index) < self.cost_of_candidate(best) { index } else { best }
+        });
+        self.scored(index.unwrap_or_default())
     }
 
     fn solved(&mut self) -> (Scored, usize) {
-        let mut best = self.plain();
+        let candidates = self.candidates.max(SOLVED_CANDIDATES);
+        let best = self.best_of(candidates);
         let mut starts = [best; STARTS];
-        let mut evaluated = self.candidates;
-        for number in 0..STARTS {
-            if number > 0 {
-                let Some(next) = self.best_distinct(&starts[..number]) else { break };
-                starts[number] = next;
-            }
-            let mut start = starts[number];
-            let rounds =
-                improve(self.kernel, &self.problem, &self.limits, &self.range, &mut start, SOLVED_ROUNDS);
-            evaluated += rounds * LANES;
-            if start.cost < best.cost {
-                best = start;
-            }
+        let mut count = 1;
+        while let Some(next) = (count < STARTS).then(|| self.best_distinct(&starts[..count])).flatten() {
+            starts[count] = next;
+            count += 1;
         }
-        (best, evaluated)
+        let mut rounds = 0;
+        let mut searches = starts.map(|start| Evolution::new(start, &self.limits));
+        for (search, start) in searches.iter_mut().zip(&mut starts[..count]) {
+            rounds += improve(self.kernel, &self.problem, &self.limits, &self.range, start, SOLVED_ROUNDS);
+            *search = Evolution::new(*start, &self.limits);
+            rounds += self.evolve(search, TRIAL);
+        }
+        searches[..count].sort_unstable_by(|a, b| a.best.cost.total_cmp(&b.best.cost));
+        for search in &mut searches[..count.min(FINALISTS)] {
+            rounds += self.evolve(search, GENERATIONS);
+        }
+        let found = searches[..count].iter().map(|search| search.best);
+        let best = found.fold(best, |best, next| if next.cost < best.cost { next } else { best });
+        (best, candidates + rounds * LANES)
+    }
+
+    fn evolve(&self, search: &mut Evolution, generation: usize) -> usize {
+        search.run_to(generation, &self.strategy, (self.kernel, &self.problem), (&self.limits, &self.range))
     }
 
     /// The best candidate that differs from all of `taken`.
@@ -238,7 +255,6 @@ impl Planner {
         for (number, score) in self.scores.iter().enumerate() {
             for lane in 0..LANES {
                 if score.cost[lane] < least
-                    && number * LANES + lane < self.candidates
                     && taken.iter().all(|other| self.differ(&self.groups[number].get(lane), &other.pieces))
                 {
                     (best, least) = (Some(number * LANES + lane), score.cost[lane]);
