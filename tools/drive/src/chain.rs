@@ -6,8 +6,8 @@ use sidestep_expert::Expert;
 use sidestep_goal::Goal;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Estop, EstopAction, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges,
-    SafetyMap, Scan, Status, Winner,
+    Command, DepthFrame, Estop, EstopAction, Header, Limits, LocalGoal, LocalMap, Odometry, Path, Proposal,
+    Ranges, SafetyMap, Scan, Status, Twist, Winner, clamp_to_window,
 };
 use sidestep_policy::Policy;
 
@@ -31,6 +31,8 @@ pub struct Chain {
     policy: Option<Policy>,
     arbiter: Arbiter,
     refining: bool,
+    limits: Limits,
+    overruled: Option<Twist>,
     odometry_sequence: u64,
     ranges_sequence: u64,
     operator_token: u64,
@@ -61,6 +63,8 @@ impl Chain {
             policy: setup.policy.take(),
             arbiter: Arbiter::new(&setup.arbiter, robot, 0).map_err(|error| refused(&error))?,
             refining: setup.expert.mode == sidestep_expert::Lead::Refined,
+            limits: robot.limits,
+            overruled: None,
             odometry_sequence: 0,
             ranges_sequence: 0,
             operator_token: 0,
@@ -116,6 +120,10 @@ impl Chain {
         }
         let seed = (self.refining && policy_status == Status::Ok).then_some(policy_out.twist);
         let expert_status = self.expert.plan(&self.local, &self.local_goal, goal_status, seed, expert_out);
+        if let Some(wish) = self.overruled {
+            let twist = clamp_to_window(wish, self.local_goal.twist, &self.limits);
+            (policy_out.twist, expert_out.twist) = (twist, twist);
+        }
         let about = |status| header(self.frames, self.frames, now_ns, status);
         self.arbiter.safety_map(&self.safety, &about(status));
         self.arbiter.local_goal(&self.local_goal, &about(goal_status));
@@ -125,6 +133,18 @@ impl Chain {
         self.arbiter.proposal(Winner::Expert, expert_out, &about(expert_status));
         self.statuses = [status, goal_status, policy_status, expert_status];
         status
+    }
+
+    /// Puts a wish in the place of what both planners propose from the next frame on, within the window of u'; `None`
+    /// lets them propose again.
+    pub fn overrule(&mut self, wish: Option<Twist>) {
+        self.overruled = wish;
+    }
+
+    /// Frames taken.
+    #[must_use]
+    pub fn frames(&self) -> u64 {
+        self.frames
     }
 
     /// Makes the command of a time.

@@ -3,7 +3,8 @@
 use crate::chain::{Chain, Image};
 use crate::outcome::Outcome;
 use sidestep_msgs::{
-    Command, DepthFrame, EstopAction, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Winner,
+    Command, DepthFrame, EstopAction, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Twist,
+    Winner,
 };
 use sidestep_policy::Policy;
 use sidestep_sim::{BEGIN_NS, Event, Simulator, TICK_NS, TICKS_PER_RANGES, Timeline, World};
@@ -149,6 +150,11 @@ impl Drive {
     /// Says something as the operator: emergency stop, reset, hold, resume.
     pub fn operator(&mut self, action: EstopAction) {
         self.chain.operator(action);
+    }
+
+    /// Puts a wish in the place of the proposals ([`Chain::overrule`]).
+    pub fn overrule(&mut self, wish: Option<Twist>) {
+        self.chain.overrule(wish);
     }
 
     /// Drives until `arrivals` goals are reached, something is hit, or `limit_s` have passed.

@@ -6,7 +6,10 @@
 #![allow(clippy::print_stdout, reason = "a command line")]
 
 use sidestep_msgs::Robot;
-use sidestep_train::{DatasetOptions, EvaluateOptions, TrainOptions, dataset, dataset_info, evaluate, train};
+use sidestep_train::{
+    DatasetOptions, DriveProfile, EvaluateOptions, Frames, TrainOptions, dataset, dataset_info, evaluate,
+    train,
+};
 use std::error::Error;
 use std::path::PathBuf;
 
@@ -17,9 +20,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut print = |line: &str| println!("{line}");
     let threads = std::thread::available_parallelism()?.get();
     match words.as_slice() {
-        ["dataset", out, samples, seed] => {
+        ["dataset", kind, out, samples, seed] => {
+            let frames = match *kind {
+                "artificial" => Frames::Artificial,
+                kind => Frames::Drives(DriveProfile { policy: None, bursts: kind == "robust" }),
+            };
             let options =
-                DatasetOptions { out: out.into(), samples: samples.parse()?, seed: seed.parse()?, threads, robot };
+                DatasetOptions { out: out.into(), frames, samples: samples.parse()?, seed: seed.parse()?, threads, robot };
             println!("{:?}", dataset(&options, &mut print)?);
         }
         ["info", file] => println!("{:?}", dataset_info(&PathBuf::from(file))?),

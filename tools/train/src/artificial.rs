@@ -4,6 +4,7 @@
 //! with a memory would hide it, and then turned into planning cost by the mapper's own function.
 
 use crate::random::Random;
+use crate::record::PARTLY_UNKNOWN;
 use sidestep_mapper::planning_cost;
 use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Limits, Twist};
 
@@ -11,8 +12,6 @@ use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Limits, Twis
 const BORDER: usize = 4;
 /// Cells along a side of the canvas.
 const SIDE: usize = LOCAL_SIDE + 2 * BORDER;
-/// Bit of the kind that says that parts are unknown.
-pub(crate) const PARTLY_UNKNOWN: u8 = 128;
 
 /// What the policy would see, without labels.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,16 +1,14 @@
 //! Frames of drives as training samples: the same records as artificial ones, labelled by the same expert.
 
 use crate::error::TrainError;
-use crate::generate::CANDIDATES;
-use crate::record::{DatasetWriter, Header, Record, Source};
-use sidestep_expert::{Mode, Planner, Weights};
+use crate::label::Labeller;
+use crate::record::{DatasetWriter, Header, PARTLY_UNKNOWN, Record, Source};
+use bytemuck::Zeroable;
 use sidestep_msgs::{LOCAL_CELLS, Robot, Twist};
 use std::path::Path;
 
-/// [`Record::kind`] of a frame of a drive.
-const DRIVE: u8 = 4;
-/// Added to the kind where parts of the map are unknown.
-const PARTLY_UNKNOWN: u8 = 128;
+/// [`Record::kind`] of a frame of a recording.
+const RECORDED: u8 = 4;
 
 /// One frame of a drive: what policy and expert saw.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,31 +38,29 @@ pub fn demonstrations(out: &Path, robot: &Robot, frames: &[Demonstration]) -> Re
         return Err(TrainError::Option { option: "mine", found: "no frame".into(), needed: "at least 1" });
     };
     let mut writer = DatasetWriter::create_fresh(out, first.run, robot.motion_hash())?;
-    let mut planner = Planner::new(&robot.limits, &Weights::STANDARD, CANDIDATES);
+    let mut labeller = Labeller::new(robot);
     for frame in frames {
-        writer.append(&[label(frame, &mut planner)])?;
+        let mut record = frame.record(RECORDED);
+        labeller.label(&mut record);
+        writer.append(&[record])?;
     }
     writer.finish()
 }
 
-fn label(frame: &Demonstration, planner: &mut Planner) -> Record {
-    let cell = usize::from(frame.goal_cell);
-    let mut answer = |mode| planner.plan(&frame.planning_cost, cell, frame.velocity, mode);
-    let (plain, solved) = (answer(Mode::Plain), answer(Mode::Solved));
-    Record {
-        planning_cost: frame.planning_cost,
-        goal_cell: frame.goal_cell,
-        source: Source::Demonstration as u8,
-        kind: DRIVE + if frame.partly_unknown { PARTLY_UNKNOWN } else { 0 },
-        world: frame.run as u32,
-        goal_x_m: frame.goal_m[0],
-        goal_y_m: frame.goal_m[1],
-        velocity: [frame.velocity.v_m_s, frame.velocity.w_rad_s],
-        label_734: [plain.twist.v_m_s, plain.twist.w_rad_s],
-        cost_734: plain.cost,
-        label_solved: [solved.twist.v_m_s, solved.twist.w_rad_s],
-        cost_solved: solved.cost,
-        stream: frame.frame,
-        reserved: [0; 8],
+impl Demonstration {
+    /// The record without its labels.
+    pub(crate) fn record(&self, kind: u8) -> Record {
+        Record {
+            planning_cost: self.planning_cost,
+            goal_cell: self.goal_cell,
+            source: Source::Demonstration as u8,
+            kind: kind | if self.partly_unknown { PARTLY_UNKNOWN } else { 0 },
+            world: self.run as u32,
+            goal_x_m: self.goal_m[0],
+            goal_y_m: self.goal_m[1],
+            velocity: [self.velocity.v_m_s, self.velocity.w_rad_s],
+            stream: self.frame,
+            ..Record::zeroed()
+        }
     }
 }

@@ -47,6 +47,12 @@ pub enum TrainError {
         /// The range.
         needed: &'static str,
     },
+    /// A drive that cannot begin.
+    #[error("demonstrations: {detail}")]
+    Drive {
+        /// What a node says.
+        detail: String,
+    },
     /// The loss is not finite.
     #[error(
         "training diverged after {samples} samples; lower the learning rate or resume from an earlier checkpoint"

@@ -1,26 +1,36 @@
-//! Makes a dataset: scenes from their own seeds, labels from the expert, the same bytes for any number of threads.
+//! Makes a dataset: maps or drives from their own seeds, labels from the expert, the same bytes for any number of threads.
 
 use crate::artificial::scene;
+use crate::drives::{DriveProfile, drive};
 use crate::error::TrainError;
+use crate::label::Labeller;
 use crate::record::{Dataset, DatasetWriter, Header, Record, Source};
 use bytemuck::Zeroable;
-use sidestep_expert::{Mode, Planner, Weights};
 use sidestep_msgs::Robot;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// Candidates of the paper's demonstrator.
-pub(crate) const CANDIDATES: usize = 734;
-/// Records written at once.
-const BLOCK: usize = 4096;
-/// Records made by one thread at once.
+/// Records that one thread makes at once of artificial maps.
 const SHARE: usize = 64;
+/// Parts that are made before they are written, per thread: so many may wait for a slower one.
+const AHEAD: usize = 8;
+
+/// Where the frames come from.
+#[derive(Debug, Clone)]
+pub enum Frames {
+    /// Made-up maps (paper section III-E).
+    Artificial,
+    /// Drives through simulated worlds.
+    Drives(DriveProfile),
+}
 
 /// What to make.
 #[derive(Debug, Clone)]
 pub struct DatasetOptions {
     /// File to write.
     pub out: PathBuf,
+    /// Where the frames come from.
+    pub frames: Frames,
     /// Records.
     pub samples: u64,
     /// Seed; test data need another one than training data.
@@ -34,19 +44,22 @@ pub struct DatasetOptions {
 /// Makes a dataset file; `progress` gets a line now and then.
 ///
 /// # Errors
-/// [`TrainError`] where the file cannot be written or an option makes no sense.
+/// [`TrainError`] where the file cannot be written, an option makes no sense or a drive cannot begin.
 pub fn dataset(options: &DatasetOptions, progress: &mut dyn FnMut(&str)) -> Result<Header, TrainError> {
     if options.samples == 0 {
         return Err(TrainError::Option { option: "samples", found: "0".into(), needed: "at least 1" });
     }
     let mut writer = DatasetWriter::create(&options.out, options.seed, options.robot.motion_hash())?;
-    let mut block = vec![Record::zeroed(); BLOCK];
     let mut made = 0;
+    let mut number = 0;
+    let threads = options.threads.max(1);
     while made < options.samples {
-        let count = (options.samples - made).min(BLOCK as u64) as usize;
-        fill(options, made, &mut block[..count]);
-        writer.append(&block[..count])?;
-        made += count as u64;
+        for part in parts(options, number, threads * AHEAD)? {
+            let count = part.len().min((options.samples - made) as usize);
+            writer.append(&part[..count])?;
+            made += count as u64;
+        }
+        number += (threads * AHEAD) as u64;
         progress(&format!("dataset: {made} of {} records", options.samples));
     }
     writer.finish()
@@ -60,30 +73,45 @@ pub fn dataset_info(path: &Path) -> Result<Header, TrainError> {
     Ok(*Dataset::open(path)?.header())
 }
 
-fn fill(options: &DatasetOptions, first: u64, records: &mut [Record]) {
-    let shares = Mutex::new(records.chunks_mut(SHARE).enumerate());
+/// Parts `first..first + count` of a dataset, in order.
+fn parts(options: &DatasetOptions, first: u64, count: usize) -> Result<Vec<Vec<Record>>, TrainError> {
+    let mut parts: Vec<Result<Vec<Record>, TrainError>> = (0..count).map(|_| Ok(Vec::new())).collect();
+    let work = Mutex::new(parts.iter_mut().enumerate());
     std::thread::scope(|scope| {
         for _ in 0..options.threads.max(1) {
             scope.spawn(|| {
-                let mut planner = Planner::new(&options.robot.limits, &Weights::STANDARD, CANDIDATES);
+                let mut labeller = Labeller::new(&options.robot);
                 loop {
-                    let next = shares.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
-                    let Some((index, share)) = next else { break };
-                    for (offset, record) in share.iter_mut().enumerate() {
-                        *record = label(options, &mut planner, first + (index * SHARE + offset) as u64);
-                    }
+                    let next = work.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
+                    let Some((index, part)) = next else { break };
+                    *part = make(options, first + index as u64, &mut labeller);
                 }
             });
         }
     });
+    parts.into_iter().collect()
 }
 
-/// Record `stream`: a scene and what the expert would do in it, at once and after thinking.
-fn label(options: &DatasetOptions, planner: &mut Planner, stream: u64) -> Record {
+/// Part `number` of a dataset: its own for each number, whoever makes it and when.
+fn make(options: &DatasetOptions, number: u64, labeller: &mut Labeller) -> Result<Vec<Record>, TrainError> {
+    let mut records: Vec<Record> = match &options.frames {
+        Frames::Artificial => {
+            let first = number * SHARE as u64;
+            (first..first + SHARE as u64).map(|stream| artificial(options, stream)).collect()
+        }
+        Frames::Drives(profile) => drive(&options.robot, options.seed, number, profile)?
+            .iter()
+            .map(|(kind, frame)| frame.record(*kind))
+            .collect(),
+    };
+    records.iter_mut().for_each(|record| labeller.label(record));
+    Ok(records)
+}
+
+/// The made-up map `stream`, without its labels.
+fn artificial(options: &DatasetOptions, stream: u64) -> Record {
     let robot = &options.robot;
     let scene = scene(options.seed, stream, &robot.limits, robot.half_width_m());
-    let plain = planner.plan(&scene.planning_cost, scene.goal_cell, scene.twist, Mode::Plain);
-    let solved = planner.plan(&scene.planning_cost, scene.goal_cell, scene.twist, Mode::Solved);
     Record {
         planning_cost: scene.planning_cost,
         goal_cell: scene.goal_cell as u16,
@@ -93,11 +121,7 @@ fn label(options: &DatasetOptions, planner: &mut Planner, stream: u64) -> Record
         goal_x_m: scene.goal_m[0],
         goal_y_m: scene.goal_m[1],
         velocity: [scene.twist.v_m_s, scene.twist.w_rad_s],
-        label_734: [plain.twist.v_m_s, plain.twist.w_rad_s],
-        cost_734: plain.cost,
-        label_solved: [solved.twist.v_m_s, solved.twist.w_rad_s],
-        cost_solved: solved.cost,
         stream,
-        reserved: [0; 8],
+        ..Record::zeroed()
     }
 }

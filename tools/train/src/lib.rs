@@ -8,10 +8,12 @@ mod artificial;
 mod checkpoint;
 mod demonstration;
 mod difference;
+mod drives;
 mod error;
 mod evaluate;
 mod generate;
 mod gradient;
+mod label;
 mod optimiser;
 mod parameters;
 mod planes;
@@ -25,11 +27,12 @@ pub use difference::{
     Difference, Errors, LARGE_V_M_S, LARGE_W_RAD_S, WINDOWS_S, caught, combined_doubt, is_large,
     within_window,
 };
+pub use drives::DriveProfile;
 pub use error::TrainError;
 pub use evaluate::{EvaluateOptions, Evaluation, Window, evaluate};
-pub use generate::{DatasetOptions, dataset, dataset_info};
+pub use generate::{DatasetOptions, Frames, dataset, dataset_info};
 pub use optimiser::Schedule;
 pub use parameters::Shape;
 pub use random::Random;
-pub use record::{Dataset, Header, MAGIC, RECORDS_AT, Record, Source, VERSION};
+pub use record::{Dataset, Header, MAGIC, PARTLY_UNKNOWN, RECORDS_AT, Record, Source, VERSION};
 pub use trainer::{TrainOptions, TrainReport, train};

@@ -23,6 +23,9 @@ pub const VERSION: u32 = 1;
 /// Where the records begin: one page.
 pub const RECORDS_AT: u64 = 4096;
 
+/// Added to the kind of a record where parts of its map are unknown.
+pub const PARTLY_UNKNOWN: u8 = 128;
+
 /// What a dataset says of itself.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -65,10 +68,11 @@ pub struct Record {
     pub goal_cell: u16,
     /// [`Source`].
     pub source: u8,
-    /// Kind of world; 0 clusters, 1 corridor, 2 door, 3 close wall, 4 a drive; plus 128 where parts are unknown.
+    /// Kind of world: 0 clusters, 1 corridor, 2 door, 3 close wall, drawn; 4 a recording; 8 an office, 9 a corridor, 10 a
+    /// room, driven through; plus [`PARTLY_UNKNOWN`].
     pub kind: u8,
-    /// World that the record was taken in, for splits by world; its own number for an artificial map, the low half of
-    /// the run's number for a drive.
+    /// World that the record was taken in, for splits by world: its own number for an artificial map, that of the drive
+    /// for a demonstration, the low half of the run's number for a recording.
     pub world: u32,
     /// `[m]` goal before projection, x in `base`.
     pub goal_x_m: f32,
