@@ -30,10 +30,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("{:?}", dataset(&options, &mut print)?);
         }
         ["info", file] => println!("{:?}", dataset_info(&PathBuf::from(file))?),
-        ["train", data, out, samples, checkpoint @ ..] => {
-            let mut options = TrainOptions::standard(data.into(), out.into(), robot);
+        ["train", out, samples, hidden0, hidden1, threads, data @ ..] => {
+            let data = data.iter().map(PathBuf::from).collect();
+            let mut options = TrainOptions::standard(data, out.into(), robot);
+            options.shape.hidden = [hidden0.parse()?, hidden1.parse()?];
+            options.threads = threads.parse()?;
             options.samples = samples.parse()?;
-            options.checkpoint = checkpoint.first().map(PathBuf::from);
+            options.checkpoint = Some(PathBuf::from(format!("{out}.checkpoint")));
             println!("{:?}", train(&options, &mut print)?);
         }
         ["evaluate", data, model @ ..] => {

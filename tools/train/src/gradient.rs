@@ -9,8 +9,8 @@ use sidestep_policy::{
     ROBOT_ROW, goal_features,
 };
 
-/// Samples whose planes are kept at once: what fits the second-level cache.
-const CHUNK: usize = 8;
+/// Samples whose planes are kept at once: enough for the products of the dense layers (8 cost a tenth more, 32 no less).
+const CHUNK: usize = 16;
 /// `[m/s, rad/s]` error at which the loss turns from quadratic to linear.
 const HUBER: f32 = 0.05;
 /// Largest pull of the doubt, so that one surprise cannot shake the trunk.

@@ -6,25 +6,26 @@
 use crate::checkpoint::{Checkpoint, Identity};
 use crate::error::TrainError;
 use crate::gradient::{Goal, Sums, Worker};
+use crate::mixture::Mixture;
 use crate::optimiser::{Adam, Schedule};
 use crate::parameters::Shape;
 use crate::random::Random;
-use crate::record::{Dataset, Record};
+use crate::record::Record;
 use sidestep_msgs::{Robot, Twist, WINDOW_S};
 use sidestep_policy::{Contract, Golden, Policy, record_golden, to_onnx};
 use std::path::PathBuf;
 use std::sync::Mutex;
 
 /// Groups per batch: as many threads find work.
-const GROUPS: usize = 8;
+const GROUPS: usize = 4;
 /// Steps between two progress lines.
 const REPORT_STEPS: u64 = 200;
 
 /// What to train and how.
 #[derive(Debug, Clone)]
 pub struct TrainOptions {
-    /// Dataset to learn from.
-    pub data: PathBuf,
+    /// Datasets to learn from, all records alike.
+    pub data: Vec<PathBuf>,
     /// Model file to write.
     pub out: PathBuf,
     /// Checkpoint to write and to go on from, if any.
@@ -35,7 +36,7 @@ pub struct TrainOptions {
     pub seed: u64,
     /// Threads; no influence on the bytes.
     pub threads: usize,
-    /// Samples per step; a multiple of 8.
+    /// Samples per step; a multiple of 4.
     pub batch: usize,
     /// Learning rate after the warm-up.
     pub rate: f32,
@@ -52,7 +53,7 @@ pub struct TrainOptions {
 impl TrainOptions {
     /// The shipped recipe for a robot.
     #[must_use]
-    pub fn standard(data: PathBuf, out: PathBuf, robot: Robot) -> Self {
+    pub fn standard(data: Vec<PathBuf>, out: PathBuf, robot: Robot) -> Self {
         Self {
             data,
             out,
@@ -88,7 +89,7 @@ pub struct TrainReport {
 /// # Errors
 /// [`TrainError`] with what was found and what is needed.
 pub fn train(options: &TrainOptions, progress: &mut dyn FnMut(&str)) -> Result<TrainReport, TrainError> {
-    let data = Dataset::open(&options.data)?;
+    let data = Mixture::open(&options.data, &options.robot)?;
     check(options, &data)?;
     let identity = identity(options, &data);
     let count = options.shape.count();
@@ -143,14 +144,17 @@ fn line(options: &TrainOptions, run: &Run<'_>, (sums, count): &(Sums, f64)) -> S
     )
 }
 
-fn check(options: &TrainOptions, data: &Dataset) -> Result<(), TrainError> {
+fn check(options: &TrainOptions, data: &Mixture) -> Result<(), TrainError> {
     let unfit = |option, found: String, needed| Err(TrainError::Option { option, found, needed });
     if options.batch == 0 || !options.batch.is_multiple_of(GROUPS) || options.batch > 65_536 {
-        return unfit("batch", options.batch.to_string(), "a multiple of 8 up to 65536");
+        return unfit("batch", options.batch.to_string(), "a multiple of 4 up to 65536");
+    }
+    if (0..data.count()).all(|index| data.is_held_out(index)) {
+        return unfit("data", format!("{} records, all held out", data.count()), "more records");
     }
     let shape = &options.shape;
-    if !(1..=64).contains(&shape.channels) || !(1..=1000).contains(&shape.rounds) {
-        return unfit("shape", format!("{shape:?}"), "1 to 64 channels, 1 to 1000 rounds");
+    if !(1..=32).contains(&shape.channels) || !(1..=1000).contains(&shape.rounds) {
+        return unfit("shape", format!("{shape:?}"), "1 to 32 channels, 1 to 1000 rounds");
     }
     if shape.hidden.iter().any(|size| !(1..=4096).contains(size)) {
         return unfit("hidden", format!("{:?}", shape.hidden), "1 to 4096 each");
@@ -166,15 +170,15 @@ fn check(options: &TrainOptions, data: &Dataset) -> Result<(), TrainError> {
             "0 to 1, doubt weight 0 to 10",
         );
     }
-    data.require(&options.robot)
+    Ok(())
 }
 
-fn identity(options: &TrainOptions, data: &Dataset) -> Identity {
+fn identity(options: &TrainOptions, data: &Mixture) -> Identity {
     let shape = options.shape;
     let sizes = [shape.channels, shape.rounds, shape.hidden[0], shape.hidden[1], options.batch];
     Identity {
         magic: Identity::MAGIC,
-        dataset: data.header().content_hash,
+        dataset: data.content_hash(),
         robot: options.robot.motion_hash(),
         seed: options.seed,
         samples: options.samples,
@@ -185,20 +189,22 @@ fn identity(options: &TrainOptions, data: &Dataset) -> Identity {
 
 struct Run<'a> {
     options: &'a TrainOptions,
-    data: &'a Dataset,
+    data: &'a Mixture,
     state: Checkpoint,
     schedule: Schedule,
     goal: Goal,
     workers: Vec<Worker>,
     gradients: Vec<Vec<f32>>,
     batch: Vec<Record>,
+    /// The records to learn from.
+    kept: Vec<u32>,
     order: Vec<u32>,
     epoch: Option<u64>,
     norm: f32,
 }
 
 impl<'a> Run<'a> {
-    fn new(options: &'a TrainOptions, data: &'a Dataset, state: Checkpoint) -> Self {
+    fn new(options: &'a TrainOptions, data: &'a Mixture, state: Checkpoint) -> Self {
         Self {
             options,
             data,
@@ -211,6 +217,7 @@ impl<'a> Run<'a> {
             workers: vec![Worker::new(options.shape); options.threads.clamp(1, GROUPS)],
             gradients: vec![vec![0.0; options.shape.count()]; GROUPS],
             batch: Vec::with_capacity(options.batch),
+            kept: (0..data.count() as u32).filter(|index| !data.is_held_out(u64::from(*index))).collect(),
             order: Vec::new(),
             epoch: None,
             norm: 0.0,
@@ -220,10 +227,10 @@ impl<'a> Run<'a> {
 
     /// Sample number `seen` of the run: an epoch's own order, and its own choice of side.
     fn sample(&mut self, seen: u64) -> Result<Record, TrainError> {
-        let count = self.data.header().count;
+        let count = self.kept.len().max(1) as u64;
         let epoch = seen / count;
         if self.epoch != Some(epoch) {
-            self.order = (0..count as u32).collect();
+            self.order.clone_from(&self.kept);
             let mut random = Random::new(self.options.seed, 0x4f52_4445_5200 + epoch);
             for last in (1..self.order.len()).rev() {
                 self.order.swap(last, random.below(last + 1));
@@ -277,7 +284,7 @@ impl<'a> Run<'a> {
 }
 
 /// The model file of a run: the network, its contract and its answer to the dataset's first record.
-fn export(options: &TrainOptions, data: &Dataset, state: &Checkpoint) -> Result<Vec<u8>, TrainError> {
+fn export(options: &TrainOptions, data: &Mixture, state: &Checkpoint) -> Result<Vec<u8>, TrainError> {
     let record = data.read(0)?;
     let network = options.shape.network(&state.parameters, &options.robot.limits);
     let mut contract = Contract {
@@ -286,7 +293,7 @@ fn export(options: &TrainOptions, data: &Dataset, state: &Checkpoint) -> Result<
         robot_hash: options.robot.hash(),
         motion_hash: options.robot.motion_hash(),
         window_s: WINDOW_S,
-        dataset_hash: data.header().content_hash,
+        dataset_hash: data.content_hash(),
         samples_seen: state.seen,
         golden: Golden {
             planning_cost: record.planning_cost,

@@ -29,12 +29,13 @@ impl Drop for Folder {
 }
 
 fn make(out: &Path, samples: u64, seed: u64, threads: usize) -> Header {
-    let options = DatasetOptions { out: out.into(), samples, seed, threads, robot: robot() };
+    let frames = Frames::Artificial;
+    let options = DatasetOptions { out: out.into(), frames, samples, seed, threads, robot: robot() };
     dataset(&options, &mut |_| {}).unwrap()
 }
 
 fn options(folder: &Folder, out: &str) -> TrainOptions {
-    let mut options = TrainOptions::standard(folder.file("data"), folder.file(out), robot());
+    let mut options = TrainOptions::standard(vec![folder.file("data")], folder.file(out), robot());
     options.shape = Shape { channels: 10, rounds: 6, hidden: [32, 16] };
     options.samples = 640;
     options.batch = 32;
@@ -172,7 +173,7 @@ fn options_that_make_no_sense_are_named() {
     let folder = Folder::new("options");
     make(&folder.file("data"), 10, 3, 1);
     let refuse = |options: TrainOptions| train(&options, &mut |_| {}).unwrap_err().to_string();
-    assert!(refuse(TrainOptions { batch: 12, ..options(&folder, "m") }).contains("multiple of 8"));
+    assert!(refuse(TrainOptions { batch: 10, ..options(&folder, "m") }).contains("multiple of 4"));
     assert!(refuse(TrainOptions { rate: f32::NAN, ..options(&folder, "m") }).contains("rate is NaN"));
     let mut robot = robot();
     robot.limits.turn_rad_s = 1.0;
