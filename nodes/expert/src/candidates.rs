@@ -60,13 +60,20 @@ pub(crate) fn candidate(index: usize, limits: &Limits) -> Pieces {
     }
 }
 
-/// The first `count` candidates in lanes; the last group is filled up by standing still.
-pub(crate) fn groups(count: usize, limits: &Limits) -> Vec<Group> {
-    let mut groups = vec![Group::STOP; count.div_ceil(LANES)];
-    for index in 0..count {
-        groups[index / LANES].set(index % LANES, &candidate(index, limits));
+/// Candidates in lanes; the last group is filled up by standing still.
+pub(crate) fn groups(numbers: impl ExactSizeIterator<Item = usize>, limits: &Limits) -> Vec<Group> {
+    let mut groups = vec![Group::STOP; numbers.len().div_ceil(LANES)];
+    for (place, number) in numbers.enumerate() {
+        groups[place / LANES].set(place % LANES, &candidate(number, limits));
     }
     groups
+}
+
+/// The numbers of the first `count` candidates of the sequence that are arcs: one target all along.
+#[must_use]
+pub fn arc_numbers(count: usize) -> Vec<usize> {
+    let is_arc = |number: &usize| *number < 2 || (number / 2 - 1).is_multiple_of(2);
+    (0..).filter(is_arc).take(count).collect()
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ mod samples;
 #[cfg(test)]
 mod tests;
 
-pub use candidates::{PIECE_STEPS, PIECES};
+pub use candidates::{PIECE_STEPS, PIECES, arc_numbers};
 pub use config::{Config, ConfigError, Lead, Weights};
 pub use expert::Expert;
 pub use fan::fan;

@@ -97,7 +97,18 @@ impl Planner {
     #[must_use]
     pub fn new(limits: &Limits, weights: &Weights, candidates: usize) -> Self {
         let candidates = candidates.max(1);
-        let groups = groups(candidates.max(SOLVED_CANDIDATES), limits);
+        Self::of(limits, weights, candidates, groups(0..candidates.max(SOLVED_CANDIDATES), limits))
+    }
+
+    /// A planner whose plain plans choose from candidates of the endless sequence that the caller names (at least one);
+    /// for comparisons of sets. Its solved plans begin with them too.
+    #[must_use]
+    pub fn choosing_from(limits: &Limits, weights: &Weights, numbers: &[usize]) -> Self {
+        let numbers = if numbers.is_empty() { &[0] } else { numbers };
+        Self::of(limits, weights, numbers.len(), groups(numbers.iter().copied(), limits))
+    }
+
+    fn of(limits: &Limits, weights: &Weights, candidates: usize, groups: Vec<Group>) -> Self {
         Self {
             limits: *limits,
             range: Range::whole(limits),
@@ -221,7 +232,7 @@ impl Planner {
     }
 
     fn solved(&mut self) -> (Scored, usize) {
-        let candidates = self.candidates.max(SOLVED_CANDIDATES);
+        let candidates = self.candidates.max(SOLVED_CANDIDATES).min(self.groups.len() * LANES);
         let best = self.best_of(candidates);
         let mut starts = [best; STARTS];
         let mut count = 1;

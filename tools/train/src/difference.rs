@@ -33,15 +33,17 @@ pub struct Errors {
     pub w_mean: f64,
     /// `[rad/s]` standard deviation of |w|.
     pub w_std: f64,
-    /// Mean length of the error (v, w).
+    /// Mean length of the error (v, w), SI units.
     pub l2_mean: f64,
+    /// Mean of its square.
+    pub l2_squared_mean: f64,
 }
 
 /// Errors of many pairs, summed as they come.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Difference {
     count: f64,
-    sums: [f64; 5],
+    sums: [f64; 6],
 }
 
 impl Difference {
@@ -49,7 +51,7 @@ impl Difference {
     pub fn add(&mut self, a: Twist, b: Twist) {
         let v = f64::from((a.v_m_s - b.v_m_s).abs());
         let w = f64::from((a.w_rad_s - b.w_rad_s).abs());
-        let parts = [v, v * v, w, w * w, (v * v + w * w).sqrt()];
+        let parts = [v, v * v, w, w * w, (v * v + w * w).sqrt(), v * v + w * w];
         self.sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
         self.count += 1.0;
     }
@@ -57,9 +59,16 @@ impl Difference {
     /// What the pairs come to; zeros without one.
     #[must_use]
     pub fn errors(&self) -> Errors {
-        let [v, vv, w, ww, l2] = self.sums.map(|sum| sum / self.count.max(1.0));
+        let [v, vv, w, ww, l2, square] = self.sums.map(|sum| sum / self.count.max(1.0));
         let deviation = |mean: f64, square: f64| (square - mean * mean).max(0.0).sqrt();
-        Errors { v_mean: v, v_std: deviation(v, vv), w_mean: w, w_std: deviation(w, ww), l2_mean: l2 }
+        Errors {
+            v_mean: v,
+            v_std: deviation(v, vv),
+            w_mean: w,
+            w_std: deviation(w, ww),
+            l2_mean: l2,
+            l2_squared_mean: square,
+        }
     }
 }
 

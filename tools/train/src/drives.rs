@@ -27,6 +27,8 @@ const PIXELS: (u32, u32) = (160, 120);
 pub struct DriveProfile {
     /// Model file of a policy that leads; `None` for the solved expert.
     pub policy: Option<Vec<u8>>,
+    /// Worlds to drive through, one after the other; none for offices, corridors and rooms of every seed.
+    pub worlds: Vec<String>,
     /// Overrule the lead by random commands, 3 % of the samples for 0.3 to 0.8 s.
     pub bursts: bool,
 }
@@ -42,7 +44,10 @@ pub(crate) fn drive(
     profile: &DriveProfile,
 ) -> Result<Vec<(u8, Demonstration)>, TrainError> {
     let mut random = Random::new(seed, 0x4452_4956_4500 + number);
-    let (kind, world) = world(&mut random);
+    let (kind, world) = match profile.worlds.as_slice() {
+        [] => world(&mut random),
+        names => (11, World::named(&names[number as usize % names.len()], seed).map_err(refused)?),
+    };
     let lead = if profile.policy.is_some() { Winner::Policy } else { Winner::Expert };
     let mut setup = Setup::shipped(robot.clone(), world, lead);
     (setup.sim.width_px, setup.sim.height_px) = PIXELS;
@@ -51,7 +56,7 @@ pub(crate) fn drive(
     if let Some(model) = &profile.policy {
         setup.policy = Some(Policy::load(model, "the policy that leads", robot)?);
     }
-    let mut drive = Drive::new(setup).map_err(|error| TrainError::Drive { detail: error.to_string() })?;
+    let mut drive = Drive::new(setup).map_err(refused)?;
     let mut samples = Vec::new();
     let (mut frames, mut burst_left, mut standing_s) = (0, 0, 0.0);
     while drive.outcome().time_s < DRIVE_S && standing_s < STANDING_S && drive.outcome().collisions == 0 {
@@ -77,6 +82,10 @@ pub(crate) fn drive(
         }
     }
     Ok(samples)
+}
+
+fn refused(error: impl std::fmt::Display) -> TrainError {
+    TrainError::Drive { detail: error.to_string() }
 }
 
 /// Half of the samples come from offices, which are driven round, the others from corridors and rooms of any density.

@@ -4,10 +4,10 @@ use crate::artificial::scene;
 use crate::drives::{DriveProfile, drive};
 use crate::error::TrainError;
 use crate::label::Labeller;
-use crate::record::{Dataset, DatasetWriter, Header, Record, Source};
+use crate::record::{DatasetWriter, Header, Record, Source};
 use bytemuck::Zeroable;
 use sidestep_msgs::Robot;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Mutex;
 
 /// Records that one thread makes at once of artificial maps.
@@ -63,14 +63,6 @@ pub fn dataset(options: &DatasetOptions, progress: &mut dyn FnMut(&str)) -> Resu
         progress(&format!("dataset: {made} of {} records", options.samples));
     }
     writer.finish()
-}
-
-/// What a dataset file says of itself.
-///
-/// # Errors
-/// [`TrainError`] where the file is no dataset.
-pub fn dataset_info(path: &Path) -> Result<Header, TrainError> {
-    Ok(*Dataset::open(path)?.header())
 }
 
 /// Parts `first..first + count` of a dataset, in order.

@@ -1,6 +1,6 @@
 //! Training: a dataset of labelled maps, a network that learns them, a model file, and a figure for how well.
 //!
-//! Commands: [`dataset`], [`demonstrations`], [`dataset_info`], [`train`], [`evaluate()`]. All of them give the same bytes for any number of
+//! Commands: [`dataset`], [`demonstrations`], [`train`]. All of them give the same bytes for any number of
 //! threads; `train` also after an interruption. File formats: the dataset ([`Header`], [`Record`]) and ONNX with the
 //! contract of `sidestep-policy`.
 
@@ -10,7 +10,6 @@ mod demonstration;
 mod difference;
 mod drives;
 mod error;
-mod evaluate;
 mod generate;
 mod gradient;
 mod label;
@@ -30,11 +29,10 @@ pub use difference::{
 };
 pub use drives::DriveProfile;
 pub use error::TrainError;
-pub use evaluate::{EvaluateOptions, Evaluation, Window, evaluate};
-pub use generate::{DatasetOptions, Frames, dataset, dataset_info};
+pub use generate::{DatasetOptions, Frames, dataset};
 pub use mixture::Mixture;
 pub use optimiser::Schedule;
 pub use parameters::Shape;
 pub use random::Random;
 pub use record::{Dataset, Header, MAGIC, PARTLY_UNKNOWN, RECORDS_AT, Record, Source, VERSION};
-pub use trainer::{TrainOptions, TrainReport, train};
+pub use trainer::{Progress, TrainOptions, TrainReport, train};

@@ -69,7 +69,7 @@ pub struct Record {
     /// [`Source`].
     pub source: u8,
     /// Kind of world: 0 clusters, 1 corridor, 2 door, 3 close wall, drawn; 4 a recording; 8 an office, 9 a corridor, 10 a
-    /// room, driven through; plus [`PARTLY_UNKNOWN`].
+    /// room, 11 a named world, driven through; plus [`PARTLY_UNKNOWN`].
     pub kind: u8,
     /// World that the record was taken in, for splits by world: its own number for an artificial map, that of the drive
     /// for a demonstration, the low half of the run's number for a recording.

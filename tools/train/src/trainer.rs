@@ -58,16 +58,45 @@ impl TrainOptions {
             data,
             out,
             checkpoint: None,
-            samples: 1_500_000,
+            samples: 24_000_000,
             seed: 1,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             batch: 128,
             rate: 2e-3,
             doubt_weight: 0.02,
             plain_labels: false,
-            shape: Shape { channels: 10, rounds: 36, hidden: [256, 128] },
+            shape: Shape { channels: 10, rounds: 36, hidden: [512, 256] },
             robot,
         }
+    }
+}
+
+/// How far a training is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Samples seen.
+    pub seen: u64,
+    /// Samples to see in all.
+    pub samples: u64,
+    /// Loss of the command, mean of the last steps.
+    pub loss: f64,
+    /// Loss of the doubt.
+    pub doubt_loss: f64,
+    /// `[m/s, rad/s]` absolute error within the label's window.
+    pub error: [f64; 2],
+    /// Norm of the last gradient, before clipping.
+    pub gradient: f32,
+}
+
+impl std::fmt::Display for Progress {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { seen, samples, loss, doubt_loss, error, gradient } = self;
+        write!(
+            out,
+            "{seen} of {samples} samples, loss {loss:.4}, doubt {doubt_loss:.3}, |v| {:.4} m/s, |w| {:.4} rad/s, \
+             gradient {gradient:.3}",
+            error[0], error[1]
+        )
     }
 }
 
@@ -88,7 +117,7 @@ pub struct TrainReport {
 ///
 /// # Errors
 /// [`TrainError`] with what was found and what is needed.
-pub fn train(options: &TrainOptions, progress: &mut dyn FnMut(&str)) -> Result<TrainReport, TrainError> {
+pub fn train(options: &TrainOptions, progress: &mut dyn FnMut(&Progress)) -> Result<TrainReport, TrainError> {
     let data = Mixture::open(&options.data, &options.robot)?;
     check(options, &data)?;
     let identity = identity(options, &data);
@@ -113,7 +142,7 @@ pub fn train(options: &TrainOptions, progress: &mut dyn FnMut(&str)) -> Result<T
         recent.0.add(&sums);
         recent.1 += options.batch as f64;
         if run.state.adam.steps.is_multiple_of(REPORT_STEPS) || run.state.seen >= options.samples {
-            progress(&line(options, &run, &recent));
+            progress(&progress_of(options, &run, &recent));
             if let Some(path) = &options.checkpoint {
                 run.state.write(path)?;
             }
@@ -131,17 +160,15 @@ pub fn train(options: &TrainOptions, progress: &mut dyn FnMut(&str)) -> Result<T
     })
 }
 
-fn line(options: &TrainOptions, run: &Run<'_>, (sums, count): &(Sums, f64)) -> String {
-    format!(
-        "train: {} of {} samples, loss {:.4}, doubt {:.3}, |v| {:.4} m/s, |w| {:.4} rad/s, gradient {:.3}",
-        run.state.seen,
-        options.samples,
-        sums.loss / count,
-        sums.doubt_loss / count,
-        sums.error[0] / count,
-        sums.error[1] / count,
-        run.norm
-    )
+fn progress_of(options: &TrainOptions, run: &Run<'_>, (sums, count): &(Sums, f64)) -> Progress {
+    Progress {
+        seen: run.state.seen,
+        samples: options.samples,
+        loss: sums.loss / count,
+        doubt_loss: sums.doubt_loss / count,
+        error: sums.error.map(|error| error / count),
+        gradient: run.norm,
+    }
 }
 
 fn check(options: &TrainOptions, data: &Mixture) -> Result<(), TrainError> {

@@ -102,14 +102,14 @@ fn what_is_no_dataset_is_refused_with_what_is_needed() {
     let folder = Folder::new("refused");
     let refuse = |bytes: &[u8]| {
         std::fs::write(folder.file("bad"), bytes).unwrap();
-        dataset_info(&folder.file("bad")).unwrap_err().to_string()
+        Dataset::open(&folder.file("bad")).unwrap_err().to_string()
     };
     make(&folder.file("data"), 10, 1, 1);
     let good = bytes(&folder.file("data"));
     assert!(refuse(&[0; 5000]).contains("version 0"));
     assert!(refuse(&good[..good.len() - 1]).contains("needed 12576 bytes for 10 records"));
     assert!(refuse(&[]).contains("bad"));
-    assert!(dataset_info(&folder.file("absent")).unwrap_err().to_string().contains("absent"));
+    assert!(Dataset::open(&folder.file("absent")).unwrap_err().to_string().contains("absent"));
 }
 
 #[test]
@@ -146,26 +146,6 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
     assert_eq!(first, bytes(&folder.file("checkpoint")));
     let other = TrainOptions { rate: 1e-3, ..broken };
     assert!(train(&other, &mut |_| {}).unwrap_err().to_string().contains("another run"));
-}
-
-#[test]
-fn training_learns_and_evaluation_says_how_much() {
-    let folder = Folder::new("learn");
-    make(&folder.file("data"), 2000, 3, 2);
-    make(&folder.file("test"), 300, 4, 2);
-    let options = TrainOptions { samples: 12_000, ..options(&folder, "model") };
-    let report = train(&options, &mut |_| {}).unwrap();
-    assert_eq!(report.samples, 12_000);
-    let evaluation = evaluate(&EvaluateOptions {
-        data: folder.file("test"),
-        model: Some(options.out),
-        samples: 300,
-        robot: robot(),
-    })
-    .unwrap();
-    for window in &evaluation.windows {
-        assert!(window.policy_solved.l2_mean < 0.8 * window.keep_solved.l2_mean, "{window:?}");
-    }
 }
 
 #[test]
