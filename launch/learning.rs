@@ -176,7 +176,7 @@ fn make(arguments: MakeArguments) -> Result<(), Failure> {
     let MakeArguments { out, from, model, world, samples, seed, threads: asked, robot } = arguments;
     if from == From::Artificial && (model.is_some() || !world.is_empty()) {
         let text = "--model and --world are for drives, needed: --from paper or --from robust";
-        return Err(Failure::usage(text.into()));
+        return Err(Failure::usage(text));
     }
     let read = |path: PathBuf| {
         std::fs::read(&path).map_err(|error| Failure::io(format!("{}: {error}", path.display())))
