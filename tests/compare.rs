@@ -38,8 +38,13 @@ fn a_recorded_drive_is_compared_drawn_and_mined_into_samples_that_train() {
     assert_eq!(figures["frames"]["regret"].as_array().unwrap().len() as u64, frames);
     // The samples are a data set like any other.
     let info = run(&["dataset", "info", &out]);
-    assert!(info.code == 0 && info.out.contains("count: 20"), "{}{}", info.out, info.err);
-    let trained = run(&["train", &out, &path("model.onnx"), "--samples", "128"]);
+    assert!(
+        info.code == 0 && info.out.contains("records      20: 0 made-up maps, 20 frames"),
+        "{}{}",
+        info.out,
+        info.err
+    );
+    let trained = run(&["train", &out, "--out", &path("model.onnx"), "--samples", "128"]);
     assert_eq!(trained.code, 0, "{}{}", trained.out, trained.err);
     // A second time it is refused, and a recording against itself agrees in everything.
     let again = run(&["compare", recording, "--mine", "20", "--out", &out]);

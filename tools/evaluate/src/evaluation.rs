@@ -5,19 +5,24 @@ use crate::cases::{Case, cases};
 use crate::doubt::{Doubt, doubt};
 use crate::error::EvaluateError;
 use crate::gap::{Curve, Equals, Gap, Gaps, Regrets, gaps, regrets};
+use crate::oracle::{Oracle, oracle};
 use crate::table1::{SetTable, set_table};
 use crate::timing::{Timing, timing};
 use serde_json::{Value, json};
+use sidestep_expert::{Mode, Plan, Planner, Weights};
 use sidestep_msgs::{Robot, Twist};
 use sidestep_policy::{ModelError, Policy, embedded};
 use sidestep_report::Spread;
-use sidestep_train::{Mixture, WINDOWS_S, within_window};
+use sidestep_train::{Mixture, Record, WINDOWS_S, within_window};
 use std::path::PathBuf;
 
 /// Frames of Fig. 6b.
 const GAP_SAMPLES: usize = 4000;
 /// Frames whose commands are judged by their cost.
 const REGRET_SAMPLES: usize = 1000;
+
+/// Frames of the oracle, which takes its time.
+const ORACLE_SAMPLES: usize = 200;
 
 /// What to evaluate.
 #[derive(Debug, Clone)]
@@ -59,6 +64,8 @@ pub struct Evaluation {
     pub equals: Equals,
     /// J of emitted commands above the solved plan: model, refined, 734 candidates.
     pub regrets: [Regrets; 3],
+    /// How far solved plans are from the optimum with free knots.
+    pub oracle: Oracle,
     /// The doubt on held-out worlds, and on foreign ones.
     pub doubts: Vec<(&'static str, Doubt)>,
 }
@@ -111,8 +118,24 @@ pub fn evaluate(
         curves,
         equals,
         regrets: regrets(&test[..test.len().min(REGRET_SAMPLES)], &robot.limits),
+        oracle: oracle(
+            &solved(&test[..test.len().min(ORACLE_SAMPLES)], robot),
+            &robot.limits,
+            &Weights::STANDARD,
+        ),
         doubts: doubted.map(|(set, answers)| (*set, doubt(answers, &robot.limits))).collect(),
     })
+}
+
+/// Frames with their solved plans.
+fn solved(answers: &[Answered], robot: &Robot) -> Vec<(Record, Plan)> {
+    let mut planner = Planner::new(&robot.limits, &Weights::STANDARD, 734);
+    let solve = |answer: &Answered| {
+        let record = answer.record;
+        let cell = usize::from(record.goal_cell);
+        (record, planner.plan(&record.planning_cost, cell, record.twist(), Mode::Solved))
+    };
+    answers.iter().map(solve).collect()
 }
 
 /// Absolute errors of v and w in training and on other worlds.
@@ -164,6 +187,7 @@ impl Evaluation {
                     "policy": self.regrets[0], "refined": self.regrets[1], "candidates_734": self.regrets[2],
                 },
             },
+            "oracle": self.oracle,
             "doubt": doubts,
         })
     }

@@ -83,6 +83,10 @@ fn a_model_from_nothing_beats_keeping_the_velocity_and_comes_out_the_same_again(
     assert!(own("/fig6b/curves/0/points/0/1/solved/0") > own("/fig6b/curves/0/points/15/1/solved/0"));
     assert!(own("/fig6b/regret/refined/mean") < own("/fig6b/regret/policy/mean"));
     assert!(own("/fig6a/us/policy_us") > 0.0 && own("/doubt/foreign.test/v/calibration_error") >= 0.0);
+    // Two implementations of eq. (6) agree, and free knots find little.
+    let oracle = &evaluation.oracle;
+    assert!(oracle.disagreement < 0.02 && oracle.gap >= 0.0, "{oracle:?}");
+    assert!(oracle.gap < 0.2 * oracle.solved_cost, "{oracle:?}");
     let page = evaluation.report(&robot()).unwrap().html();
     for part in ["Table I", "Fig. 3", "Fig. 5", "Fig. 6b", "Table II", "Doubt about w", "0.0151"] {
         assert!(page.contains(part), "{part}");
