@@ -15,6 +15,14 @@ use std::path::PathBuf;
 pub(crate) enum DatasetCommands {
     /// Makes labelled frames: made-up maps, or drives through simulated worlds.
     Make(MakeArguments),
+    /// Makes the held-out sets that published figures are measured on, and checks their hashes.
+    Frozen {
+        /// Folder for the files.
+        folder: PathBuf,
+        /// Threads; no influence on the bytes.
+        #[arg(long)]
+        threads: Option<usize>,
+    },
     /// Says what a data set holds.
     Info {
         /// The file.
@@ -160,6 +168,13 @@ fn threads(asked: Option<usize>) -> usize {
 pub(crate) fn dataset(command: DatasetCommands) -> Result<(), Failure> {
     match command {
         DatasetCommands::Make(arguments) => make(arguments),
+        DatasetCommands::Frozen { folder, threads: asked } => {
+            let robot = robot_named("loomo")?.0;
+            let files = sidestep_train::frozen_sets(&folder, threads(asked), &robot, &mut progress)
+                .map_err(|error| failure(&error))?;
+            files.iter().for_each(|file| crate::output::line(&file.display().to_string()));
+            Ok(())
+        }
         DatasetCommands::Info { file, html, samples, robot } => {
             let header = *Dataset::open(&file).map_err(|error| failure(&error))?.header();
             describe(&header);

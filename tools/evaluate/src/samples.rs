@@ -40,8 +40,13 @@ fn sample(index: u64, record: &Record, robot: &Robot) -> Result<Figure, sidestep
     let way = judge.trajectory(&plan).map(|pose| (pose.x_m, pose.y_m));
     let kind = kind_name(record.kind);
     Frame {
-        title: format!("{index}: {kind}, world {}, step {}", record.world, record.stream),
-        subtitle: named("from", record.velocity),
+        title: format!("{index}: {kind}"),
+        subtitle: format!(
+            "world {}, step {}, {}",
+            record.world,
+            record.stream,
+            named("from", record.velocity)
+        ),
         cost: &record.planning_cost,
         partly_unknown: record.kind & PARTLY_UNKNOWN != 0,
         goal_cell: record.goal_cell,

@@ -27,6 +27,19 @@ pub enum TrainError {
         /// What is needed.
         needed: String,
     },
+    /// Held-out data that are not those that figures were measured on.
+    #[error(
+        "{path}: its content is {found:016x}, needed {needed:016x}: this build makes other maps, drives or labels than \
+         the one whose figures are published, or the robot is another one; compare only what was measured on the same"
+    )]
+    Frozen {
+        /// The file.
+        path: String,
+        /// Its hash.
+        found: u64,
+        /// That of the set.
+        needed: u64,
+    },
     /// A checkpoint of another run.
     #[error("checkpoint {path}: found {found}, needed {needed}; remove it to start again")]
     Checkpoint {

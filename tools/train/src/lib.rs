@@ -10,6 +10,7 @@ mod demonstration;
 mod difference;
 mod drives;
 mod error;
+mod frozen;
 mod generate;
 mod gradient;
 mod label;
@@ -29,6 +30,7 @@ pub use difference::{
 };
 pub use drives::DriveProfile;
 pub use error::TrainError;
+pub use frozen::{FROZEN_SETS, FrozenSet, frozen_sets};
 pub use generate::{DatasetOptions, Frames, dataset};
 pub use mixture::Mixture;
 pub use optimiser::Schedule;

@@ -159,3 +159,16 @@ fn options_that_make_no_sense_are_named() {
     robot.limits.turn_rad_s = 1.0;
     assert!(refuse(TrainOptions { robot, ..options(&folder, "m") }).contains("motion hash"));
 }
+
+/// The first records of each held-out set: whatever changes a map, a drive or a label shows here.
+#[test]
+fn the_held_out_data_are_those_that_figures_were_measured_on() {
+    let folder = Folder::new("frozen");
+    let prefix = |set: &FrozenSet| set.make(&folder.0, 64, 2, &robot(), &mut |_| {}).unwrap().content_hash;
+    let found = FROZEN_SETS.each_ref().map(prefix);
+    let needed = [5_773_282_743_516_676_789, 6_208_479_496_971_455_850, 4_093_269_145_933_688_856];
+    assert_eq!(
+        found, needed,
+        "held-out data changed: make them again, update both lists of hashes, measure all figures again"
+    );
+}
