@@ -144,6 +144,8 @@ impl Evaluation {
         let timing = &self.timing;
         table.row(["policy".to_owned(), format!("{:.1}", timing.policy_us)]);
         table.row(["policy, plain tract".to_owned(), format!("{:.0}", timing.plain_tract_us)]);
+        let peer = timing.onnxruntime_us.map_or("not installed".into(), |us| format!("{us:.0}"));
+        table.row(["policy, onnxruntime".to_owned(), peer]);
         for (count, us) in &timing.candidates {
             table.row([format!("{count} candidates"), format!("{us:.1}")]);
         }

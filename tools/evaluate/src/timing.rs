@@ -6,6 +6,7 @@ use sidestep_bus::host_ns;
 use sidestep_expert::{Mode, Planner, Weights};
 use sidestep_msgs::Robot;
 use sidestep_policy::{ModelError, Policy};
+use std::process::Command;
 
 /// Sizes of the sets; the last but two is the demonstrator's.
 const COUNTS: [usize; 9] = [50, 100, 150, 200, 250, 300, 734, 2000, 10_000];
@@ -27,6 +28,8 @@ pub struct Timing {
     pub policy_us: f64,
     /// `[us]` the same file in plain tract.
     pub plain_tract_us: f64,
+    /// `[us]` the same file in onnxruntime, where the Python that `SIDESTEP_PYTHON` names has it.
+    pub onnxruntime_us: Option<f64>,
 }
 
 pub(crate) fn timing(
@@ -56,7 +59,19 @@ pub(crate) fn timing(
         refined_us: plan(734, &|answer| Mode::Refined(answer.wish)),
         policy_us: infer(Policy::load(onnx, name, robot)?, ROUNDS),
         plain_tract_us: infer(Policy::load_plain(onnx, name, robot)?, PLAIN_ROUNDS),
+        onnxruntime_us: onnxruntime_us(onnx),
     })
+}
+
+/// The peer's own measurement of the same file.
+fn onnxruntime_us(onnx: &[u8]) -> Option<f64> {
+    let python = std::env::var_os("SIDESTEP_PYTHON").unwrap_or_else(|| "python3".into());
+    let file = std::env::temp_dir().join(format!("sidestep-evaluate-{}.onnx", std::process::id()));
+    std::fs::write(&file, onnx).ok()?;
+    let script = include_str!("onnxruntime.py");
+    let output = Command::new(python).args(["-c", script]).arg(&file).output();
+    let _ = std::fs::remove_file(&file);
+    String::from_utf8(output.ok()?.stdout).ok()?.trim().parse().ok()
 }
 
 /// `[us]` median time of an answer.
