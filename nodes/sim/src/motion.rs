@@ -75,6 +75,18 @@ impl Motion {
         outline.gap_m(&self.base.pose, solids)
     }
 
+    /// The world has changed: what is near must be looked at again.
+    pub(crate) fn look_again(&mut self) {
+        self.slack_m = 0.0;
+    }
+
+    /// Lifts the robot to a pose, at rest.
+    pub(crate) fn put(&mut self, pose: Pose2) {
+        self.base.stop_at(pose, pose);
+        self.contact = false;
+        self.look_again();
+    }
+
     /// Moves on by `dt_s` from the graph time `now_ns`.
     pub(crate) fn step(
         &mut self,

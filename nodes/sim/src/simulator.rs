@@ -7,6 +7,7 @@ use crate::people::People;
 use crate::planar;
 use crate::random::{Random, mix};
 use crate::raster::{Raster, View};
+use crate::solid::Solid;
 use crate::stereo::{FAR_FACTOR, Stereo, UNIT_M};
 use crate::world::{World, resample};
 use sidestep_msgs::{
@@ -118,6 +119,33 @@ impl Simulator {
     #[must_use]
     pub fn world(&self) -> &World {
         &self.world
+    }
+
+    /// True pose in the world.
+    #[must_use]
+    pub fn pose(&self) -> Pose2 {
+        self.current.base.pose
+    }
+
+    /// Everything that stands or walks there now.
+    pub fn solids(&self) -> impl Iterator<Item = Solid> {
+        let people = self.current.people.solids(&self.world.walkers);
+        self.world.solids.iter().copied().chain(people)
+    }
+
+    /// Puts something into the world.
+    pub fn place(&mut self, solid: Solid) {
+        self.world.solids.push(solid);
+        self.motion.look_again();
+        self.current.look_again();
+    }
+
+    /// Lifts the robot to a place in the world, at rest; the poses get a new epoch and the path is published again.
+    pub fn put(&mut self, pose: Pose2) {
+        self.motion.put(pose);
+        self.current.put(pose);
+        self.pose_epoch += 1;
+        self.path_due = self.leg < self.world.legs_m.len();
     }
 
     /// Names the epoch of the poses; a driver raises it when it starts again elsewhere.

@@ -1,35 +1,39 @@
 //! The nodes, called as the graph calls them, with the headers that the graph would write.
 
 use crate::drive::{DriveError, Setup};
-use sidestep_arbiter::Arbiter;
+use crate::sight::{Sight, Surroundings};
+use sidestep_arbiter::{Arbiter, Lead};
 use sidestep_expert::Expert;
 use sidestep_goal::Goal;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Estop, EstopAction, Header, Limits, LocalGoal, LocalMap, Odometry, Path, Proposal,
-    Ranges, SafetyMap, Scan, Status, Twist, Winner, clamp_to_window,
+    Command, DepthFrame, Estop, EstopAction, Header, Limits, LocalGoal, LocalMap, NO_CELL, Odometry, Path,
+    Proposal, Ranges, Reason, SafetyMap, Scan, Status, Twist, VALID_FOR_NS, Winner, clamp_to_window,
 };
 use sidestep_policy::Policy;
 
 /// Number of the run in every header.
 const RUN: u64 = 1;
 
-/// What a frame is: depth or a sweep.
+/// What a frame is: depth, a sweep, or what stands there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Image<'a> {
     /// A depth frame.
     Depth(&'a DepthFrame),
     /// A lidar sweep.
     Scan(&'a Scan),
+    /// The solids themselves.
+    Known(&'a Surroundings<'a>),
 }
 
 /// Mapper, goal, policy, expert and arbiter with their last messages.
 pub struct Chain {
-    mapper: Mapper,
+    mapper: Option<Mapper>,
     goal: Goal,
     expert: Expert,
     policy: Option<Policy>,
     arbiter: Arbiter,
+    lead: Lead,
     refining: bool,
     limits: Limits,
     overruled: Option<Twist>,
@@ -56,12 +60,17 @@ impl Chain {
     pub fn new(setup: &mut Setup) -> Result<Self, DriveError> {
         let refused = |error: &dyn std::fmt::Display| DriveError::Refused(error.to_string());
         let robot = &setup.robot;
+        let mapper = match setup.sight {
+            Sight::Camera => Some(Mapper::new(&setup.mapper, robot).map_err(|error| refused(&error))?),
+            Sight::Grid => None,
+        };
         Ok(Self {
-            mapper: Mapper::new(&setup.mapper, robot).map_err(|error| refused(&error))?,
+            mapper,
             goal: Goal::new(&setup.goal, robot).map_err(|error| refused(&error))?,
             expert: Expert::new(&setup.expert, robot).map_err(|error| refused(&error))?,
             policy: setup.policy.take(),
             arbiter: Arbiter::new(&setup.arbiter, robot, 0).map_err(|error| refused(&error))?,
+            lead: setup.arbiter.lead,
             refining: setup.expert.mode == sidestep_expert::Lead::Refined,
             limits: robot.limits,
             overruled: None,
@@ -80,7 +89,9 @@ impl Chain {
     /// Takes odometry.
     pub fn odometry(&mut self, odometry: &Odometry, now_ns: u64) {
         self.odometry_sequence += 1;
-        self.mapper.odometry(odometry);
+        if let Some(mapper) = &mut self.mapper {
+            mapper.odometry(odometry);
+        }
         self.goal.odometry(odometry, self.odometry_sequence);
         self.arbiter.odometry(odometry, &header(self.odometry_sequence, 0, now_ns, Status::Ok));
     }
@@ -88,7 +99,9 @@ impl Chain {
     /// Takes ultrasonic ranges.
     pub fn ranges(&mut self, ranges: &Ranges) {
         self.ranges_sequence += 1;
-        self.mapper.ranges(ranges);
+        if let Some(mapper) = &mut self.mapper {
+            mapper.ranges(ranges);
+        }
         self.arbiter.ranges(ranges);
     }
 
@@ -103,15 +116,28 @@ impl Chain {
         self.arbiter.estop(&Estop { token: self.operator_token, action: action as u32, _pad: 0 });
     }
 
+    /// Makes both maps of a frame.
+    fn look(&mut self, image: Image<'_>) -> Status {
+        let status = match (image, &mut self.mapper) {
+            (Image::Known(surroundings), _) => {
+                surroundings.write(&mut self.local, &mut self.safety);
+                return Status::Ok;
+            }
+            (_, None) => return Status::NoMap,
+            (Image::Depth(frame), Some(mapper)) => mapper.depth(frame),
+            (Image::Scan(scan), Some(mapper)) => mapper.scan(scan),
+        };
+        if let Some(mapper) = &self.mapper {
+            mapper.write_local(&mut self.local);
+            mapper.write_safety(&mut self.safety);
+        }
+        status
+    }
+
     /// Takes a frame and brings its map, goal and proposals to the arbiter; returns the mapper's status.
     pub(crate) fn frame(&mut self, image: Image<'_>, now_ns: u64) -> Status {
         self.frames += 1;
-        let status = match image {
-            Image::Depth(frame) => self.mapper.depth(frame),
-            Image::Scan(scan) => self.mapper.scan(scan),
-        };
-        self.mapper.write_local(&mut self.local);
-        self.mapper.write_safety(&mut self.safety);
+        let status = self.look(image);
         let goal_status = self.goal.step(&self.local, self.frames, status, &mut self.local_goal);
         let [policy_out, expert_out] = &mut self.proposals;
         let mut policy_status = Status::NoGoal;
@@ -141,6 +167,12 @@ impl Chain {
         self.overruled = wish;
     }
 
+    /// The policy, if one took part.
+    #[must_use]
+    pub fn into_policy(self) -> Option<Policy> {
+        self.policy
+    }
+
     /// Frames taken.
     #[must_use]
     pub fn frames(&self) -> u64 {
@@ -150,6 +182,30 @@ impl Chain {
     /// Makes the command of a time.
     pub fn command(&mut self, now_ns: u64, out: &mut Command) -> Status {
         self.arbiter.step(now_ns, false, out)
+    }
+
+    /// Passes the lead's newest proposal on as it is: the command of a chain without an arbiter.
+    pub(crate) fn pass(&self, now_ns: u64, out: &mut Command) {
+        let (winner, proposal, status) = match self.lead {
+            Lead::Policy => (Winner::Policy, &self.proposals[0], self.statuses[2]),
+            Lead::Expert => (Winner::Expert, &self.proposals[1], self.statuses[3]),
+        };
+        let reason = match status {
+            Status::Ok => Reason::Clear,
+            Status::Arrived => Reason::Arrived,
+            Status::Infeasible | Status::Fault => Reason::UnfitProposals,
+            _ => Reason::NoGoal,
+        };
+        *out = Command {
+            valid_until_ns: now_ns.saturating_add(VALID_FOR_NS),
+            twist: proposal.twist,
+            wish: proposal.twist,
+            scale: 1.0,
+            winner: winner as u32,
+            reason: reason as u32,
+            limiting_cell: NO_CELL,
+            ..Command::default()
+        };
     }
 
     /// The newest local map.

@@ -2,12 +2,13 @@
 
 use crate::chain::{Chain, Image};
 use crate::outcome::Outcome;
+use crate::sight::{Sight, Surroundings};
 use sidestep_msgs::{
     Command, DepthFrame, EstopAction, Odometry, Path, Pose2, Ranges, Robot, Scan, Status, Truth, Twist,
     Winner,
 };
 use sidestep_policy::Policy;
-use sidestep_sim::{BEGIN_NS, Event, Simulator, TICK_NS, TICKS_PER_RANGES, Timeline, World};
+use sidestep_sim::{BEGIN_NS, Event, Simulator, Solid, TICK_NS, TICKS_PER_RANGES, Timeline, World};
 
 /// Why a drive could not begin.
 #[derive(Debug, thiserror::Error)]
@@ -15,6 +16,41 @@ pub enum DriveError {
     /// A node refuses its configuration or the robot.
     #[error("{0}")]
     Refused(String),
+}
+
+/// Who leads, as a graph file's key `lead` names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Lead {
+    /// The network.
+    Policy,
+    /// The best of 734 candidates.
+    Expert,
+    /// The best candidates, improved.
+    Solved,
+    /// The network's proposal, improved.
+    Refined,
+}
+
+impl Lead {
+    /// Every lead.
+    pub const ALL: [Self; 4] = [Self::Policy, Self::Expert, Self::Solved, Self::Refined];
+
+    /// The name in a graph file.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Policy => "policy",
+            Self::Expert => "expert",
+            Self::Solved => "solved",
+            Self::Refined => "refined",
+        }
+    }
+
+    /// Whether it cannot drive without the network.
+    #[must_use]
+    pub fn needs_policy(self) -> bool {
+        matches!(self, Self::Policy | Self::Refined)
+    }
 }
 
 /// Everything that makes a drive what it is.
@@ -37,6 +73,10 @@ pub struct Setup {
     pub arbiter: sidestep_arbiter::Config,
     /// The policy, if one takes part.
     pub policy: Option<Policy>,
+    /// How the robot sees.
+    pub sight: Sight,
+    /// Whether the arbiter filters; without it the lead's proposal goes to the base as it is.
+    pub arbitrated: bool,
 }
 
 impl Setup {
@@ -58,7 +98,17 @@ impl Setup {
             expert: sidestep_expert::Config::STANDARD,
             arbiter: sidestep_arbiter::Config { lead, ..sidestep_arbiter::Config::STANDARD },
             policy: None,
+            sight: Sight::Camera,
+            arbitrated: true,
         }
+    }
+
+    /// Shipped configurations under a lead of a graph file.
+    #[must_use]
+    pub fn led_by(robot: Robot, world: World, lead: Lead) -> Self {
+        let winner = if lead == Lead::Policy { Winner::Policy } else { Winner::Expert };
+        let setup = Self::shipped(robot, world, winner);
+        Self { expert: setup.expert.led_by(lead.label()), ..setup }
     }
 }
 
@@ -66,6 +116,11 @@ impl Setup {
 pub struct Drive {
     simulator: Simulator,
     chain: Chain,
+    sight: Sight,
+    /// What reaches below this stands in the way.
+    band_top_m: f64,
+    half_width_m: f32,
+    arbitrated: bool,
     has_camera: bool,
     timeline: Timeline,
     odometry: Odometry,
@@ -73,6 +128,7 @@ pub struct Drive {
     path: Box<Path>,
     depth: Box<DepthFrame>,
     scan: Box<Scan>,
+    solids: Vec<Solid>,
     command: Command,
     truth: Truth,
     outcome: Outcome,
@@ -90,6 +146,10 @@ impl Drive {
         let simulator = Simulator::new(&setup.sim, &setup.robot, setup.world, setup.start, seed);
         Ok(Self {
             chain,
+            sight: setup.sight,
+            band_top_m: f64::from(setup.mapper.band_top_m),
+            half_width_m: setup.robot.half_width_m(),
+            arbitrated: setup.arbitrated,
             has_camera: setup.robot.camera.is_some(),
             timeline: Timeline::new(simulator.rate_hz()),
             simulator,
@@ -98,6 +158,7 @@ impl Drive {
             path: Box::default(),
             depth: Box::default(),
             scan: Box::default(),
+            solids: Vec::new(),
             command: Command::default(),
             truth: Truth::default(),
             outcome: Outcome::default(),
@@ -130,20 +191,44 @@ impl Drive {
 
     fn frame(&mut self, now_ns: u64) {
         self.simulator.advance(now_ns);
-        let image = if self.has_camera {
-            self.simulator.render(&mut self.depth);
-            Image::Depth(&self.depth)
-        } else {
-            self.simulator.scan(&mut self.scan);
-            Image::Scan(&self.scan)
+        let status = match self.sight {
+            Sight::Grid => self.known_frame(now_ns),
+            Sight::Camera if self.has_camera => {
+                self.simulator.render(&mut self.depth);
+                self.chain.frame(Image::Depth(&self.depth), now_ns)
+            }
+            Sight::Camera => {
+                self.simulator.scan(&mut self.scan);
+                self.chain.frame(Image::Scan(&self.scan), now_ns)
+            }
         };
-        let status = self.chain.frame(image, now_ns);
         self.outcome.refused += u64::from(status != Status::Ok);
         self.drive(now_ns);
     }
 
+    /// A frame of all that stands there, placed where the wheels believe the robot to be.
+    fn known_frame(&mut self, now_ns: u64) -> Status {
+        let since_s = now_ns.saturating_sub(self.odometry.stamp_ns) as f64 * 1e-9;
+        self.solids.clear();
+        let band_top_m = self.band_top_m;
+        self.solids.extend(self.simulator.solids().filter(|solid| solid.is_in_band(band_top_m)));
+        let surroundings = Surroundings {
+            solids: &self.solids,
+            pose: self.simulator.pose(),
+            believed: self.odometry.pose.advance(&self.odometry.twist, since_s),
+            pose_epoch: self.odometry.pose_epoch,
+            capture_ns: now_ns,
+            half_width_m: self.half_width_m,
+        };
+        self.chain.frame(Image::Known(&surroundings), now_ns)
+    }
+
     fn drive(&mut self, now_ns: u64) {
-        self.chain.command(now_ns, &mut self.command);
+        if self.arbitrated {
+            self.chain.command(now_ns, &mut self.command);
+        } else {
+            self.chain.pass(now_ns, &mut self.command);
+        }
         self.simulator.command(&self.command, now_ns);
     }
 
@@ -155,6 +240,22 @@ impl Drive {
     /// Puts a wish in the place of the proposals ([`Chain::overrule`]).
     pub fn overrule(&mut self, wish: Option<Twist>) {
         self.chain.overrule(wish);
+    }
+
+    /// Puts something into the world, all at once.
+    pub fn place(&mut self, solid: Solid) {
+        self.simulator.place(solid);
+    }
+
+    /// Lifts the robot to a place in the world, at rest; odometry says so by a new epoch.
+    pub fn put(&mut self, pose: Pose2) {
+        self.simulator.put(pose);
+    }
+
+    /// The policy, for the next drive: a model takes longer to load than a room to cross.
+    #[must_use]
+    pub fn into_policy(self) -> Option<Policy> {
+        self.chain.into_policy()
     }
 
     /// Drives until `arrivals` goals are reached, something is hit, or `limit_s` have passed.
@@ -178,6 +279,12 @@ impl Drive {
     #[must_use]
     pub fn truth(&self) -> &Truth {
         &self.truth
+    }
+
+    /// The newest depth image; empty with [`Sight::Grid`].
+    #[must_use]
+    pub fn depth(&self) -> &DepthFrame {
+        &self.depth
     }
 
     /// The newest command.
