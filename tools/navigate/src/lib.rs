@@ -1,0 +1,27 @@
+//! Navigation in closed loop, measured: unseen rooms under every lead, and the counterparts of the paper's Figs. 7, 8, 9.
+
+mod beside;
+mod corridor;
+mod crew;
+mod drawing;
+mod error;
+mod page;
+mod pilot;
+mod reference;
+mod room;
+mod statistics;
+mod sudden;
+mod suite;
+
+pub use beside::{Apart, Beside, BesideDrive, DRIVERS, beside};
+pub use corridor::{
+    CORRIDOR_M, Contrast, Corridor, CorridorOptions, Corridors, DENSITY, FIRST_SEED, FREE_WAY_M, LEGS,
+    LIMIT_S, PROGRESS_M, PUT_M, Patrol, SEEDS, SIGHT, STUCK_S, TRAININGS, corridors,
+};
+pub use error::NavigateError;
+pub use page::Navigation;
+pub use pilot::{Conditions, Driven, Ending};
+pub use room::{Course, GRADES, Grade, SIZE_M, WAY_M, room};
+pub use statistics::{Proportion, sign_flip_test};
+pub use sudden::{Sudden, View, sudden};
+pub use suite::{Failure, GradeShare, Group, Suite, SuiteOptions, drive_courses, rooms};
