@@ -13,6 +13,7 @@ mod live;
 mod look;
 mod manifest;
 mod monitor;
+mod navigate;
 mod notify;
 mod operator;
 mod output;
@@ -141,6 +142,8 @@ enum Commands {
     Train(learning::TrainArguments),
     /// Compares a policy model with the expert's labels.
     Evaluate(learning::EvaluateArguments),
+    /// Drives closed loops in simulated worlds: rooms, and the paper's Figs. 7 to 9.
+    Navigate(navigate::NavigateArguments),
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
     Interface {
@@ -311,6 +314,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Dataset { command } => learning::dataset(command),
         Commands::Train(arguments) => learning::train(arguments),
         Commands::Evaluate(arguments) => learning::evaluate(arguments),
+        Commands::Navigate(arguments) => navigate::navigate(&arguments),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());
