@@ -144,6 +144,8 @@ enum Commands {
     Evaluate(learning::EvaluateArguments),
     /// Drives closed loops in simulated worlds: rooms, and the paper's Figs. 7 to 9.
     Navigate(navigate::NavigateArguments),
+    /// Drives the expert with each weight of eq. (6) halved and doubled.
+    Tune(navigate::TuneArguments),
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
     Interface {
@@ -315,6 +317,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Train(arguments) => learning::train(arguments),
         Commands::Evaluate(arguments) => learning::evaluate(arguments),
         Commands::Navigate(arguments) => navigate::navigate(&arguments),
+        Commands::Tune(arguments) => navigate::tune(&arguments),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());

@@ -1,4 +1,5 @@
-//! `sidestep navigate`: closed loops by the thousand, and the counterparts of the paper's Figs. 7, 8 and 9.
+//! `sidestep navigate` and `sidestep tune`: closed loops by the thousand, the counterparts of the paper's Figs. 7, 8 and
+//! 9, and what each weight of the expert is worth.
 
 use crate::failure::Failure;
 use crate::manifest::robot_named;
@@ -71,6 +72,51 @@ enum ArbiterUse {
     Both,
 }
 
+/// How many rooms to tune in.
+#[derive(Debug, Args)]
+pub(crate) struct TuneArguments {
+    /// Rooms for each set of weights.
+    #[arg(long, default_value_t = 100)]
+    rooms: u64,
+    /// Built-in robot or path of a robot file.
+    #[arg(long, default_value = "loomo")]
+    robot: String,
+    /// Threads; no influence on the numbers.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Writes the figures.
+    #[arg(long)]
+    json: Option<PathBuf>,
+}
+
+/// Drives the expert with each of its weights halved and doubled, and prints what came of it, the best first.
+///
+/// # Errors
+/// Exit code 2 for an option, 3 for a file.
+pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
+    arguments.json.iter().try_for_each(|path| crate::output::may_write(path))?;
+    let robot = robot_named(&arguments.robot)?.0;
+    let mut progress = |line: &str| crate::output::note(line.to_owned());
+    let mut trials =
+        sidestep_navigate::tune(&robot, arguments.rooms, threads(arguments.threads), &mut progress)
+            .map_err(|error| failure(&error))?;
+    trials.sort_by(|a, b| a.score_s.total_cmp(&b.score_s));
+    for trial in &trials {
+        crate::output::line(&format!(
+            "{:14} score {:6.2} s, reached {} of {}, contacts {}, clearance {:.3} m",
+            trial.name, trial.score_s, trial.reached, trial.rooms, trial.contacts, trial.clearance_m
+        ));
+    }
+    arguments.json.as_ref().map_or(Ok(()), |path| {
+        let numbers = serde_json::to_value(&trials).map_err(|error| failure(&error.into()))?;
+        crate::output::json(path, &numbers)
+    })
+}
+
+fn threads(asked: Option<usize>) -> usize {
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
 fn failure(error: &NavigateError) -> Failure {
     match error {
         NavigateError::Option { .. } => Failure::usage(error.to_string()),
@@ -121,8 +167,7 @@ fn drive(arguments: &NavigateArguments) -> Result<Navigation, Failure> {
         None => (sidestep_policy::embedded().to_vec(), "embedded".to_owned()),
         Some(path) => (read(path)?, path.display().to_string()),
     };
-    let threads =
-        arguments.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let threads = threads(arguments.threads);
     let mut progress = |line: &str| crate::output::note(line.to_owned());
     let mut navigation = Navigation::default();
     for (count, sight) in [(arguments.rooms, Sight::Grid), (arguments.full, Sight::Camera)] {

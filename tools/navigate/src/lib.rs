@@ -12,6 +12,7 @@ mod room;
 mod statistics;
 mod sudden;
 mod suite;
+mod tuning;
 
 pub use beside::{Apart, Beside, BesideDrive, DRIVERS, beside};
 pub use corridor::{
@@ -25,3 +26,4 @@ pub use room::{Course, GRADES, Grade, SIZE_M, WAY_M, room};
 pub use statistics::{Proportion, sign_flip_test};
 pub use sudden::{Sudden, View, sudden};
 pub use suite::{Failure, GradeShare, Group, Suite, SuiteOptions, drive_courses, rooms};
+pub use tuning::{TUNING_SEED, Trial, tune};

@@ -5,7 +5,7 @@ use sidestep_drive::{Lead, Sight};
 use sidestep_msgs::{Pose2, Robot};
 use sidestep_navigate::{
     CorridorOptions, Course, Ending, FIRST_SEED, Navigation, Suite, SuiteOptions, beside, corridors,
-    drive_courses, rooms, sudden,
+    drive_courses, rooms, sudden, tune,
 };
 use sidestep_sim::{Solid, World};
 
@@ -144,4 +144,14 @@ fn the_report_holds_every_figure_and_its_numbers() {
     assert!(html.contains(&reached), "{reached}");
     let data: serde_json::Value = serde_json::from_str(&report.json()).unwrap();
     assert_eq!(data["suites"][0]["groups"][0]["reached"]["of"], 4);
+}
+
+/// Two rooms for each set of weights.
+#[test]
+fn tuning_drives_every_weight_halved_and_doubled() {
+    let trials = tune(&loomo(), 2, 2, &mut |_| ()).unwrap();
+    assert_eq!(trials.len(), 11);
+    assert!(trials.iter().all(|trial| trial.rooms == 2 && trial.score_s > 1.0), "{trials:?}");
+    assert_eq!(trials[0].name, "as shipped");
+    assert!(tune(&loomo(), 0, 2, &mut |_| ()).unwrap_err().to_string().contains("needed: at least 1"));
 }
