@@ -5,7 +5,7 @@ use crate::manifest::Graph;
 use crate::run::{Options, quoted};
 use clap::Args;
 use sidestep_msgs::DEPTH;
-use sidestep_player::{Config, Info, Selection};
+use sidestep_player::{Config, Info, Played, Selection};
 use std::path::{Path, PathBuf};
 
 /// What to play, and how.
@@ -100,18 +100,20 @@ fn check(arguments: &Arguments, file: &Path, info: &Info) -> Result<(), Failure>
         paused: arguments.start_paused,
     };
     config.check().map_err(Failure::usage)?;
-    if arguments.start_offset >= info.duration_s && info.duration_s > 0.0 {
-        return Err(Failure::usage(format!(
-            "recording {}: --start-offset is {} s, needed: less than its {:.1} s",
-            arguments.file.display(),
-            arguments.start_offset,
-            info.duration_s
-        )));
-    }
     let selection = Selection::of(&config).map_err(Failure::usage)?;
     let refused =
         |detail: String| Failure::usage(format!("recording {}: {detail}", arguments.file.display()));
-    selection.check_against(info).map_err(refused)
+    selection.check_against(info).map_err(refused)?;
+    // The duration is that of the host's clock: in lockstep a recording holds more or less graph time than that.
+    let beyond = arguments.start_offset > 0.0 && arguments.start_offset >= info.duration_s;
+    let opened = |error: sidestep_player::PlayerError| Failure::io(error.to_string());
+    if beyond && Played::open(file, &selection).map_err(opened)?.next().is_none() {
+        return Err(refused(format!(
+            "--start-offset is {} s and nothing comes after it, needed: less than the recording's graph time",
+            arguments.start_offset
+        )));
+    }
+    Ok(())
 }
 
 /// Frame periods for which map, goal and proposals may be believed.

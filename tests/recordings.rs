@@ -46,7 +46,7 @@ fn no_result_takes_the_place_of_a_recording_and_what_a_recording_cannot_give_is_
         (&["latency", &walk, "--trace", &walk], "is a recording, and is not overwritten"),
         (&["compare", &walk, "--html", &nowhere], "its folder does not exist; name another file"),
         (&["replay", &walk, "--json", &place], "is a folder; name another file"),
-        (&["play", &walk, "--start-offset", "100"], "needed: less than its 5.6 s"),
+        (&["play", &walk, "--start-offset", "100"], "needed: less than the recording's graph time"),
         (&["import", "tests/data/hololens", &nowhere, "--rate", "0"], "--rate is 0, needed: more than 0"),
     ] {
         refused(arguments, 2, &[says]);
