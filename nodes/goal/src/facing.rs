@@ -3,9 +3,14 @@
 //! A camera sees the floor from about a metre ahead on, within its angle of view. Whoever swings round in a wide arc
 //! arrives beside cells that nobody saw, too near to be seen any more, and the arbiter lets nobody cross them. A near
 //! goal has the planners of eq. (6) turn almost on the spot: what lies between is seen from where it can be seen.
+//!
+//! Where nothing of the map is unseen there is nothing to look for, and the goal stays: drawn near, it would hold back
+//! whoever has turned away from it to go round an obstacle. (Measured with `rooms` of `tools/navigate`: of 300 rooms on
+//! maps that are wholly known, solved plans stood still in 8 with the goal always drawn near, in none with this rule.
+//! To ask only for what lies between robot and goal, hidden cells excepted, costs an eighth of the goals in offices.)
 
 use crate::config::Config;
-use sidestep_msgs::Robot;
+use sidestep_msgs::{AGE_NEVER, LocalMap, Robot};
 
 /// `[rad]` least distance between the bearing from which a goal is drawn near and that from which it is nearest.
 const RAMP_RAD: f32 = 1e-3;
@@ -28,10 +33,10 @@ impl Facing {
     }
 
     /// The goal to head for, on the same bearing.
-    pub(crate) fn draw_near(&self, x_m: f32, y_m: f32) -> (f32, f32) {
+    pub(crate) fn draw_near(&self, x_m: f32, y_m: f32, map: &LocalMap) -> (f32, f32) {
         let range_m = libm::hypotf(x_m, y_m);
         let beyond_rad = libm::atan2f(y_m, x_m).abs() - self.ahead_rad;
-        if range_m <= self.turn_m || beyond_rad <= 0.0 {
+        if range_m <= self.turn_m || beyond_rad <= 0.0 || !map.age.contains(&AGE_NEVER) {
             return (x_m, y_m);
         }
         let part = (beyond_rad / (self.edge_rad - self.ahead_rad)).min(1.0);
@@ -43,6 +48,12 @@ impl Facing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sidestep_msgs::LOCAL_CELLS;
+
+    /// A map that nobody saw anything of.
+    fn unseen() -> LocalMap {
+        LocalMap { age: [AGE_NEVER; LOCAL_CELLS], ..LocalMap::default() }
+    }
 
     fn facing(robot: &str) -> Facing {
         let robot = match robot {
@@ -55,17 +66,17 @@ mod tests {
     /// Goals 2 m away, all round: the bearing stays, the distance falls from 2 m to 0.3 m between 0.2 rad and the edge.
     #[test]
     fn a_goal_keeps_its_bearing_and_is_nearest_outside_the_view() {
-        let facing = facing("loomo");
+        let (facing, map) = (facing("loomo"), unseen());
         let mut last_m = 2.0;
         for step in 0..=314 {
             let bearing = step as f32 * 0.01;
-            let (x_m, y_m) = facing.draw_near(2.0 * libm::cosf(bearing), 2.0 * libm::sinf(bearing));
+            let (x_m, y_m) = facing.draw_near(2.0 * libm::cosf(bearing), 2.0 * libm::sinf(bearing), &map);
             let range_m = libm::hypotf(x_m, y_m);
             assert!((libm::atan2f(y_m, x_m) - bearing).abs() < 1e-4, "{bearing}");
             assert!(range_m <= last_m + 1e-5, "{bearing}: {range_m}");
             assert!((range_m - 2.0).abs() < 1e-5 || bearing > 0.2, "{bearing}: {range_m}");
             assert!((range_m - 0.3).abs() < 1e-5 || bearing < 0.486, "{bearing}: {range_m}");
-            let mirrored = facing.draw_near(2.0 * libm::cosf(bearing), -2.0 * libm::sinf(bearing));
+            let mirrored = facing.draw_near(2.0 * libm::cosf(bearing), -2.0 * libm::sinf(bearing), &map);
             assert!((mirrored.0 - x_m).abs() < 1e-6 && (mirrored.1 + y_m).abs() < 1e-6);
             last_m = range_m;
         }
@@ -73,9 +84,22 @@ mod tests {
 
     #[test]
     fn a_near_goal_stays_and_a_scanner_that_sees_the_side_draws_its_goals_less() {
-        assert_eq!(facing("loomo").draw_near(0.0, -0.25), (0.0, -0.25));
-        assert_eq!(facing("loomo").draw_near(0.0, 0.0), (0.0, 0.0));
-        let (_, y_m) = facing("jackal").draw_near(0.0, 2.0);
+        let map = unseen();
+        assert_eq!(facing("loomo").draw_near(0.0, -0.25, &map), (0.0, -0.25));
+        assert_eq!(facing("loomo").draw_near(0.0, 0.0, &map), (0.0, 0.0));
+        let (_, y_m) = facing("jackal").draw_near(0.0, 2.0, &map);
         assert!(y_m > 0.7, "{y_m}");
+    }
+
+    #[test]
+    fn a_goal_stays_where_nothing_of_the_map_is_unseen() {
+        let map = LocalMap::default();
+        for (x_m, y_m) in [(1.0, 1.0), (0.0, -1.3), (-1.0, 2.0)] {
+            assert_eq!(facing("loomo").draw_near(x_m, y_m, &map), (x_m, y_m));
+        }
+        let mut age = [0; LOCAL_CELLS];
+        age[777] = AGE_NEVER;
+        let map = LocalMap { age, ..map };
+        assert!(facing("loomo").draw_near(1.0, 1.0, &map).0 < 0.3);
     }
 }

@@ -134,7 +134,7 @@ impl Goal {
             ..LocalGoal::default()
         };
         let found = self.find(map, map_status);
-        self.write(&found, out)
+        self.write(&found, map, out)
     }
 
     /// Copies all that is kept into `to`; the bytes used, or 0 where they do not fit.
@@ -248,9 +248,9 @@ impl Goal {
         Found { status, kind: GoalKind::Standby, place_m: Some((x_m, y_m)) }
     }
 
-    fn write(&mut self, found: &Found, out: &mut LocalGoal) -> Status {
+    fn write(&mut self, found: &Found, map: &LocalMap, out: &mut LocalGoal) -> Status {
         let place_m = match found.status {
-            Status::Ok => found.place_m.map(|(x_m, y_m)| self.facing.draw_near(x_m, y_m)),
+            Status::Ok => found.place_m.map(|(x_m, y_m)| self.facing.draw_near(x_m, y_m, map)),
             _ => found.place_m,
         };
         let placed = place_m.and_then(|(x_m, y_m)| Some((x_m, y_m, self.cell(x_m, y_m, out.twist)?)));
