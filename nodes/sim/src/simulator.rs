@@ -148,6 +148,11 @@ impl Simulator {
         self.path_due = self.leg < self.world.legs_m.len();
     }
 
+    /// Has the path published again, placed where a localiser sees it now: drift does not add up along a long path.
+    pub fn localise(&mut self) {
+        self.path_due = self.leg < self.world.legs_m.len();
+    }
+
     /// Names the epoch of the poses; a driver raises it when it starts again elsewhere.
     pub fn set_pose_epoch(&mut self, pose_epoch: u32) {
         self.pose_epoch = pose_epoch;

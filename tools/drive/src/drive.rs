@@ -252,6 +252,11 @@ impl Drive {
         self.simulator.put(pose);
     }
 
+    /// Has the path placed where a localiser sees it now.
+    pub fn localise(&mut self) {
+        self.simulator.localise();
+    }
+
     /// The policy, for the next drive: a model takes longer to load than a room to cross.
     #[must_use]
     pub fn into_policy(self) -> Option<Policy> {

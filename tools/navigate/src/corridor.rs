@@ -9,7 +9,7 @@ use crate::crew::in_order;
 use crate::error::NavigateError;
 use crate::pilot::{Conditions, Pilot};
 use crate::reference::Floor;
-use crate::room::Course;
+use crate::room::{Course, WAY_M};
 use crate::statistics::sign_flip_test;
 use serde::Serialize;
 use sidestep_drive::{Drive, Lead, Sight};
@@ -19,8 +19,9 @@ use sidestep_train::Random;
 
 /// `[m]` length and width of the corridor (paper, Fig. 9).
 pub const CORRIDOR_M: [f64; 2] = [18.0, 2.5];
-/// `[1]` crowding: an obstacle every 0.8 m on average; demonstrations have at most 2, and 1.1 on average.
-pub const DENSITY: f64 = 2.2;
+/// `[1]` crowding: an obstacle every 1.5 m on average. The solved expert alone gets to the far end of 29 of 30 corridors
+/// of other seeds (80,000 on); at 1.6 of 27, at 2.2 of 25: beyond, it would be dead ends that are measured.
+pub const DENSITY: f64 = 1.2;
 /// Ways along the corridor: twice to and twice fro.
 pub const LEGS: usize = 4;
 /// How the robot sees: everything the paper's robot had, noise included.
@@ -37,8 +38,11 @@ pub const PROGRESS_M: f64 = 0.3;
 pub const LIMIT_S: f64 = 300.0;
 /// `[m]` along the way, how far past the place of an intervention the robot is put.
 pub const PUT_M: f64 = 0.5;
-/// `[m]` radius of the disc for which every corridor has a way: more than the robot's half-width of 0.285.
-pub const FREE_WAY_M: f64 = 0.4;
+/// `[m]` radius of the disc for which every corridor has a way: as in rooms. A gap of 0.8 m may be closed on a map of
+/// cells of 0.1 m, one of 0.9 m never is.
+pub const FREE_WAY_M: f64 = WAY_M;
+/// Ticks of 10 ms between two words of a localiser, which places the path anew: 1 s.
+pub const LOCALISED_TICKS: u64 = 100;
 /// `[s]` a takeover ends when the policy has driven this long.
 const APART_S: f64 = 0.5;
 /// `[m]` between the points of a way.
@@ -147,7 +151,7 @@ pub fn corridors(
         Ok([pilot(0)?, pilot(1)?])
     };
     let job = |pilots: &mut [Pilot<'_>; 2], number: usize| {
-        let course = corridor(options.first_seed + number as u64);
+        let course = crowded(options.first_seed + number as u64);
         let mut patrol = |which: usize, arbitrated| {
             patrol(
                 &mut pilots[which],
@@ -194,7 +198,8 @@ fn contrast(
 }
 
 /// The corridor of a seed: the first that is drawn with a way through.
-pub(crate) fn corridor(seed: u64) -> Course {
+#[must_use]
+pub fn crowded(seed: u64) -> Course {
     let mut random = Random::new(seed, 0x434f_5252_4944);
     loop {
         let mut world = World::corridor(random.bits() >> 16, DENSITY);
@@ -232,9 +237,13 @@ fn patrol(pilot: &mut Pilot<'_>, course: &Course, conditions: Conditions) -> Res
     let way = floor.way(from, to, FREE_WAY_M).unwrap_or_default();
     let mut takeovers = Episodes::default();
     let (mut contacts, mut stuck, mut interventions_m) = (0, 0, Vec::new());
-    let (mut left_m, mut since_s) = ([from[0], from[1]], 0.0);
+    let (mut left_m, mut since_s, mut ticks) = ([from[0], from[1]], 0.0, 0_u64);
     while drive.outcome().arrivals < LEGS as u32 && drive.outcome().time_s < LIMIT_S {
         let before = drive.outcome().collisions;
+        ticks += 1;
+        if ticks.is_multiple_of(LOCALISED_TICKS) {
+            drive.localise();
+        }
         drive.tick();
         let (truth, time_s) = (drive.truth(), drive.outcome().time_s);
         let at_m = [truth.pose.x_m, truth.pose.y_m];
@@ -310,9 +319,9 @@ mod tests {
     #[test]
     fn every_corridor_is_crowded_and_has_a_way() {
         for seed in FIRST_SEED..FIRST_SEED + SEEDS {
-            let course = corridor(seed);
+            let course = crowded(seed);
             let obstacles = course.world.solids.len() - 4;
-            assert!(obstacles >= 12 && course.path_blocked, "seed {seed}: {obstacles}");
+            assert!(obstacles >= 7 && course.path_blocked, "seed {seed}: {obstacles}");
             assert_eq!(course.world.legs_m.len(), LEGS);
         }
     }

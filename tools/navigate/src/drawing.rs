@@ -46,7 +46,7 @@ fn obstacles(world: &World, size_m: [f64; 2]) -> Cloud {
             points.push((point[0], point[1]));
         }
     }
-    Cloud { name: "obstacles".into(), ink: Ink::Text, points, joined: false }
+    Cloud { name: "obstacles".into(), ink: Ink::Grey, points, joined: false }
 }
 
 fn line(name: &str, ink: Ink, points_m: &[[f64; 2]]) -> Cloud {
@@ -74,7 +74,7 @@ pub(crate) fn failed(failure: &Failure, size_m: [f64; 2]) -> Figure {
     let path: Vec<[f64; 2]> = world.legs_m.iter().flatten().copied().collect();
     let clouds = vec![
         obstacles(world, size_m),
-        line("reference", Ink::Grey, &path),
+        line("reference", Ink::Text, &path),
         line("way", Ink::Orange, &failure.trace_m),
         Cloud {
             name: "end".into(),
@@ -96,11 +96,11 @@ pub(crate) fn patrols(corridor: &Corridor) -> Figure {
     }
     for (drive, (name, ink)) in corridor.alone.iter().zip(TRAININGS.iter().zip(inks)) {
         if !drive.interventions_m.is_empty() {
-            let name = format!("intervention, {name}");
+            let name = format!("put back, {name}");
             clouds.push(Cloud { name, ink, points: pairs(&drive.interventions_m), joined: false });
         }
     }
-    above(&format!("Corridor of seed {}", corridor.seed), CORRIDOR_M, clouds).figure()
+    above(&format!("Seed {}", corridor.seed), CORRIDOR_M, clouds).figure()
 }
 
 /// Fig. 8: the map with the command, and the camera's view.
@@ -126,7 +126,7 @@ pub(crate) fn reaction(sudden: &Sudden, robot: &Robot) -> Result<[Figure; 2], Re
     let notes = vec![
         (Ink::Vermilion, says("action command", sudden.command)),
         (Ink::Blue, says("latest velocity", sudden.velocity)),
-        (Ink::Grey, says("command without the obstacle", sudden.command_without)),
+        (Ink::Grey, says("without the obstacle", sudden.command_without)),
     ];
     let subtitle =
         sudden.reaction_s.map_or("no reaction".into(), |after| format!("{after:.2} s after it appeared"));

@@ -17,7 +17,8 @@ mod tuning;
 pub use beside::{Apart, Beside, BesideDrive, DRIVERS, beside};
 pub use corridor::{
     CORRIDOR_M, Contrast, Corridor, CorridorOptions, Corridors, DENSITY, FIRST_SEED, FREE_WAY_M, LEGS,
-    LIMIT_S, PROGRESS_M, PUT_M, Patrol, SEEDS, SIGHT, STUCK_S, TRAININGS, corridors,
+    LIMIT_S, LOCALISED_TICKS, PROGRESS_M, PUT_M, Patrol, SEEDS, SIGHT, STUCK_S, TRAININGS, corridors,
+    crowded,
 };
 pub use error::NavigateError;
 pub use page::Navigation;

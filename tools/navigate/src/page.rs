@@ -113,12 +113,19 @@ fn ending(ending: Ending) -> &'static str {
 }
 
 fn main_table(suite: &Suite) -> Table {
-    let columns = [("lead", ""), ("arbiter", ""), ("reached", "95 %"), ("contact", "95 %"), ("J", "1")];
+    let columns = [
+        ("lead", ""),
+        ("arbiter", ""),
+        ("reached", "95 %"),
+        ("contact", "95 %"),
+        ("J, mean", "1"),
+        ("J, median course", "1"),
+    ];
     let mut table = Table::new(&format!("Reached and contacts, model {}", suite.model), &columns);
     for group in &suite.groups {
         let cells = [group.lead.label().to_owned(), on(group.arbitrated).to_owned()];
-        let shares = [group.reached.text(), group.contact.text(), format!("{:.3}", group.cost)];
-        table.row(cells.into_iter().chain(shares));
+        let costs = [group.cost, group.cost_median].map(|cost| format!("{cost:.3}"));
+        table.row(cells.into_iter().chain([group.reached.text(), group.contact.text()]).chain(costs));
     }
     table
 }

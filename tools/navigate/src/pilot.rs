@@ -14,8 +14,8 @@ const JUDGED_TICKS: u64 = 50;
 const CANDIDATES: usize = 734;
 /// `[m/s]` and [rad/s] slower than this is standing.
 const STANDING: f32 = 0.02;
-/// Columns and rows of the rendered depth: the robot's view, coarser, as in training.
-pub(crate) const PIXELS: (u32, u32) = (160, 120);
+/// Columns and rows of the rendered depth: half the camera's, which the mapper sees the floor with as well.
+pub(crate) const PIXELS: (u32, u32) = (320, 240);
 
 /// Who drives, and how it sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,6 +71,14 @@ pub struct Driven {
     pub summary: String,
     /// `[m]` where it was, every 0.1 s.
     pub trace_m: Vec<[f64; 2]>,
+}
+
+impl Driven {
+    /// `[1]` mean J of eq. (6) of the commands judged.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        self.cost_sum / self.judged.max(1) as f64
+    }
 }
 
 /// What a thread keeps between drives, since a model takes longer to load than a room to cross.

@@ -82,6 +82,8 @@ pub struct Group {
     pub min_clearance_m: f64,
     /// `[1]` mean J of eq. (6) of the commands, every 0.5 s of all courses.
     pub cost: f64,
+    /// `[1]` median over the courses of the mean J of each: what a few that were stuck do not move.
+    pub cost_median: f64,
     /// Every course that was not reached.
     pub failures: Vec<Failure>,
 }
@@ -236,8 +238,14 @@ fn summarise(conditions: Conditions, courses: &[Course], driven: &[Driven]) -> G
         clearance_m: mean(&|drive| drive.min_clearance_m),
         min_clearance_m: driven.iter().map(|drive| drive.min_clearance_m).fold(f64::INFINITY, f64::min),
         cost: driven.iter().map(|drive| drive.cost_sum).sum::<f64>() / judged.max(1) as f64,
+        cost_median: median(driven.iter().filter(|drive| drive.judged > 0).map(Driven::cost).collect()),
         failures: both().filter(|(_, drive)| drive.ending != Ending::Reached).map(failure).collect(),
     }
+}
+
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn failure((course, drive): (&Course, &Driven)) -> Failure {
