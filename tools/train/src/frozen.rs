@@ -37,7 +37,7 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0xa57d_9b0c_db39_9d5b,
+        content_hash: 0x36d1_c1ec_8636_fdc1,
     },
     FrozenSet {
         name: "paper.data",
