@@ -80,9 +80,11 @@ impl Motion {
         self.slack_m = 0.0;
     }
 
-    /// Lifts the robot to a pose, at rest.
-    pub(crate) fn put(&mut self, pose: Pose2) {
-        self.base.stop_at(pose, pose);
+    /// Pushes the robot to a pose; it stands there, and its wheels know how it came there.
+    pub(crate) fn push(&mut self, pose: &Pose2) {
+        let moved = self.base.pose.relative(pose);
+        let believed = self.base.believed.compose(&moved);
+        self.base.stop_at(*pose, believed);
         self.contact = false;
         self.look_again();
     }

@@ -140,12 +140,10 @@ impl Simulator {
         self.current.look_again();
     }
 
-    /// Lifts the robot to a place in the world, at rest; the poses get a new epoch and the path is published again.
-    pub fn put(&mut self, pose: Pose2) {
-        self.motion.put(pose);
-        self.current.put(pose);
-        self.pose_epoch += 1;
-        self.path_due = self.leg < self.world.legs_m.len();
+    /// Pushes the robot to a pose near its own: the wheels turn with it, so that odometry follows.
+    pub fn push(&mut self, pose: &Pose2) {
+        self.motion.push(pose);
+        self.current.push(pose);
     }
 
     /// Has the path published again, placed where a localiser sees it now: drift does not add up along a long path.

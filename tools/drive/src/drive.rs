@@ -247,9 +247,9 @@ impl Drive {
         self.simulator.place(solid);
     }
 
-    /// Lifts the robot to a place in the world, at rest; odometry says so by a new epoch.
-    pub fn put(&mut self, pose: Pose2) {
-        self.simulator.put(pose);
+    /// Pushes the robot to a pose near its own; odometry follows.
+    pub fn push(&mut self, pose: &Pose2) {
+        self.simulator.push(pose);
     }
 
     /// Has the path placed where a localiser sees it now.

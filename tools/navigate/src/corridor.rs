@@ -2,7 +2,7 @@
 //! one trained on artificial maps as well.
 //!
 //! Everything that could be tuned towards a wish is a constant of this file. Without an arbiter, each contact and each
-//! time the robot is stuck is an intervention: it is put back onto the way and goes on. With the arbiter, each time the
+//! time the robot is stuck is an intervention: it is pushed back onto the way and goes on. With the arbiter, each time the
 //! arbiter does something else than let through or slow the policy's wish is a takeover.
 
 use crate::crew::in_order;
@@ -13,7 +13,7 @@ use crate::room::{Course, WAY_M};
 use crate::statistics::sign_flip_test;
 use serde::Serialize;
 use sidestep_drive::{Drive, Lead, Sight};
-use sidestep_msgs::{Code, Pose2, Reason, Robot};
+use sidestep_msgs::{Code, Pose2, Reason, Robot, wrap_angle};
 use sidestep_sim::World;
 use sidestep_train::Random;
 
@@ -36,8 +36,10 @@ pub const STUCK_S: f64 = 12.0;
 pub const PROGRESS_M: f64 = 0.3;
 /// `[s]` longest drive.
 pub const LIMIT_S: f64 = 300.0;
-/// `[m]` along the way, how far past the place of an intervention the robot is put.
+/// `[m]` along the way, how far the robot is pushed at an intervention; and how far, and `[rad]`, per tick of 10 ms.
 pub const PUT_M: f64 = 0.5;
+const PUSH_M: f64 = 0.005;
+const PUSH_RAD: f64 = 0.01;
 /// `[m]` radius of the disc for which every corridor has a way: as in rooms. A gap of 0.8 m may be closed on a map of
 /// cells of 0.1 m, one of 0.9 m never is.
 pub const FREE_WAY_M: f64 = WAY_M;
@@ -63,7 +65,9 @@ pub struct Corridors {
     pub corridors: Vec<Corridor>,
     /// The arbiter off: interventions.
     pub interventions: Contrast,
-    /// The arbiter on: takeovers.
+    /// The arbiter off: those of the interventions that were contacts.
+    pub contacts: Contrast,
+    /// The arbiter on: takeovers, and times it was stuck.
     pub takeovers: Contrast,
 }
 
@@ -170,6 +174,7 @@ pub fn corridors(
         density: DENSITY,
         legs: LEGS,
         interventions: contrast(&corridors, |corridor| &corridor.alone, |drive| drive.contacts + drive.stuck),
+        contacts: contrast(&corridors, |corridor| &corridor.alone, |drive| drive.contacts),
         takeovers: contrast(&corridors, |corridor| &corridor.guarded, |drive| drive.takeovers + drive.stuck),
         corridors,
     })
@@ -197,7 +202,7 @@ fn contrast(
     }
 }
 
-/// The corridor of a seed: the first that is drawn with a way through.
+/// The corridor of a seed: the first that is drawn with something on its middle line and a way through.
 #[must_use]
 pub fn crowded(seed: u64) -> Course {
     let mut random = Random::new(seed, 0x434f_5252_4944);
@@ -209,7 +214,10 @@ pub fn crowded(seed: u64) -> Course {
         if Floor::new(&world, CORRIDOR_M).way(from, to, FREE_WAY_M).is_some() {
             world.legs_m =
                 (0..LEGS).map(|leg| if leg % 2 == 0 { vec![from, to] } else { vec![to, from] }).collect();
-            return Course::of(&format!("corridor {seed}"), "crowded", random.bits() >> 16, world);
+            let course = Course::of(&format!("corridor {seed}"), "crowded", random.bits() >> 16, world);
+            if course.path_blocked {
+                return course;
+            }
         }
     }
 }
@@ -258,8 +266,8 @@ fn patrol(pilot: &mut Pilot<'_>, course: &Course, conditions: Conditions) -> Res
             stuck += u32::from(!hit);
             interventions_m.push(at_m);
             let there = drive.outcome().arrivals.is_multiple_of(2);
-            put_back(&mut drive, &way, there);
-            (left_m, since_s) = (at_m, time_s);
+            push_on(&mut drive, &way, there);
+            (left_m, since_s) = (at_m, drive.outcome().time_s);
         }
     }
     let outcome = drive.outcome();
@@ -278,19 +286,37 @@ fn patrol(pilot: &mut Pilot<'_>, course: &Course, conditions: Conditions) -> Res
     Ok(patrol)
 }
 
-/// Puts the robot onto the way, a little past where it is, and heads it along.
-fn put_back(drive: &mut Drive, way_m: &[[f64; 2]], there: bool) {
+/// Pushes the robot onto the way and a little along it, as somebody does who walks behind: its camera goes on seeing.
+fn push_on(drive: &mut Drive, way_m: &[[f64; 2]], there: bool) {
     let pose = drive.truth().pose;
     let far = |point: &[f64; 2]| libm::hypot(point[0] - pose.x_m, point[1] - pose.y_m);
-    let nearest = (0..way_m.len()).min_by(|a, b| far(&way_m[*a]).total_cmp(&far(&way_m[*b])));
-    let (Some(nearest), past) = (nearest, (PUT_M / STRIDE_M) as usize) else { return };
+    let Some(nearest) = (0..way_m.len()).min_by(|a, b| far(&way_m[*a]).total_cmp(&far(&way_m[*b]))) else {
+        return;
+    };
     let last = way_m.len() - 1;
-    let step = |from: usize, by: usize| if there { (from + by).min(last) } else { from.saturating_sub(by) };
-    let (place, next) = (way_m[step(nearest, past)], way_m[step(nearest, past + 3)]);
-    let yaw = if there { 0.0 } else { std::f64::consts::PI };
-    let off = libm::hypot(next[0] - place[0], next[1] - place[1]);
-    let yaw = if off > STRIDE_M { libm::atan2(next[1] - place[1], next[0] - place[0]) } else { yaw };
-    drive.put(Pose2::new(place[0], place[1], yaw));
+    let step = |by: usize| if there { (nearest + by).min(last) } else { nearest.saturating_sub(by) };
+    for by in 0..=(PUT_M / STRIDE_M) as usize {
+        let (place, next) = (way_m[step(by)], way_m[step(by + 3)]);
+        let off = [next[0] - place[0], next[1] - place[1]];
+        let end_rad = if there { 0.0 } else { std::f64::consts::PI };
+        let yaw = if libm::hypot(off[0], off[1]) > STRIDE_M { libm::atan2(off[1], off[0]) } else { end_rad };
+        push_to(drive, &Pose2::new(place[0], place[1], yaw));
+    }
+}
+
+/// Pushes the robot straight to a pose, at most [`PUSH_M`] and [`PUSH_RAD`] per tick.
+fn push_to(drive: &mut Drive, to: &Pose2) {
+    let from = drive.truth().pose;
+    let turn_rad = wrap_angle(to.yaw_rad - from.yaw_rad);
+    let way_m = libm::hypot(to.x_m - from.x_m, to.y_m - from.y_m);
+    let ticks = libm::ceil((way_m / PUSH_M).max(turn_rad.abs() / PUSH_RAD)) as u32;
+    for tick in 1..=ticks {
+        let part = f64::from(tick) / f64::from(ticks);
+        let x_m = from.x_m + part * (to.x_m - from.x_m);
+        let y_m = from.y_m + part * (to.y_m - from.y_m);
+        drive.push(&Pose2::new(x_m, y_m, wrap_angle(from.yaw_rad + part * turn_rad)));
+        drive.tick();
+    }
 }
 
 /// Whether the arbiter does something else than let through or slow the wish.

@@ -275,7 +275,7 @@ fn describe_corridors(corridors: &Corridors, report: &mut Report) {
     report.paragraph(&format!(
         "A corridor of 18 m by 2.5 m, {} ways along its middle line, {} seeds, density {}, sight {}. Two models: \"normal\", trained on \
          demonstrations only, and \"mixed\", trained on artificial maps as well. Without an arbiter a contact, or {STUCK_S:.0} s without \
-         {PROGRESS_M} m of way, is an intervention; with it, anything but letting through or slowing is a takeover, and being stuck counts \
+         {PROGRESS_M} m of way, is an intervention: the robot is pushed back onto the way; with it, anything but letting through or slowing is a takeover, and being stuck counts \
          too. A drive ends after {LIMIT_S:.0} s. These conditions are constants of the source.",
         corridors.legs,
         corridors.corridors.len(),
@@ -301,6 +301,7 @@ fn describe_corridors(corridors: &Corridors, report: &mut Report) {
         table.row([what.to_owned()].into_iter().chain(totals).chain(rates).chain(tail));
     };
     row("interventions, arbiter off", &corridors.interventions);
+    row("of these, contacts", &corridors.contacts);
     row("takeovers, arbiter on", &corridors.takeovers);
     report.table(&table);
     report.paragraph(&verdict(&corridors.interventions));
@@ -331,6 +332,7 @@ fn verdict(contrast: &Contrast) -> String {
 fn bars(corridors: &Corridors) -> sidestep_report::Figure {
     let rows = [
         ("interventions, arbiter off", &corridors.interventions),
+        ("contacts, arbiter off", &corridors.contacts),
         ("takeovers, arbiter on", &corridors.takeovers),
     ];
     let inks = [Ink::Vermilion, Ink::Blue];
