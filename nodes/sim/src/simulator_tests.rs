@@ -318,3 +318,36 @@ fn how_often_time_is_told_does_not_matter() {
     }
     assert!(ends[0] == ends[1] && ends[0] == ends[2], "{ends:?}");
 }
+
+/// A block appears before a robot at full speed, which an empty world had not made it look out for.
+#[test]
+fn what_is_placed_is_there_at_once() {
+    let mut simulator = simulator(&quiet(), &loomo(), World::empty(), Pose2::ORIGIN);
+    drive(&mut simulator, Twist::new(1.0, 0.0), 2000, |_| ());
+    let ahead_m = simulator.pose().x_m + 0.5;
+    simulator.place(Solid::block([ahead_m, 0.0], [0.2, 1.0], 0.0, [0.0, 1.0]));
+    assert_eq!(simulator.solids().count(), 1);
+    drive(&mut simulator, Twist::new(1.0, 0.0), 2000, |_| ());
+    assert_eq!(truth(&simulator).collisions, 1);
+    assert!(simulator.pose().x_m < ahead_m, "{:?}", simulator.pose());
+}
+
+/// Pushed in small steps and turned, with noise: wheels and truth agree as well as before.
+#[test]
+fn a_robot_that_is_pushed_knows_where_it_came_to() {
+    let noisy = Config { people: 0, ..Config::default() };
+    let mut simulator = simulator(&noisy, &loomo(), World::empty(), Pose2::ORIGIN);
+    drive(&mut simulator, Twist::new(0.8, 0.3), 3000, |_| ());
+    let mut odometry = Odometry::default();
+    simulator.odometry(&mut odometry);
+    let (before, from) = (odometry.pose, simulator.pose());
+    for step in 1..=100 {
+        let part = 0.01 * f64::from(step);
+        simulator.push(&Pose2::new(from.x_m + 0.4 * part, from.y_m - 0.2 * part, from.yaw_rad + part));
+        simulator.advance(simulator.now_ns() + 10 * MS);
+    }
+    simulator.odometry(&mut odometry);
+    let (moved, believed) = (from.relative(&simulator.pose()), before.relative(&odometry.pose));
+    assert!(moved.distance_m(&believed) < 5e-3 && (moved.yaw_rad - believed.yaw_rad).abs() < 5e-3);
+    assert!((simulator.pose().yaw_rad - from.yaw_rad - 1.0).abs() < 0.02);
+}

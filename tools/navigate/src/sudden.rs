@@ -17,7 +17,7 @@ use sidestep_train::{LARGE_V_M_S, LARGE_W_RAD_S};
 const PASSED_M: f64 = 1.5;
 /// `[m]` ahead of the axle, where the middle of the obstacle stands.
 const AHEAD_M: f64 = 1.8;
-/// Where to the left of the path it stands `[m]`, and its side [m].
+/// Where to the left of the path it stands `[m]`, and its side `[m]`.
 const SCENES: [(&str, f64, f64); 2] =
     [("a box left of the path", 0.12, 0.3), ("a post right of the path", -0.1, 0.16)];
 /// `[s]` longest time in which a reaction is waited for, and longest drive.
