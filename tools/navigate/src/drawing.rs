@@ -126,7 +126,7 @@ pub(crate) fn reaction(sudden: &Sudden, robot: &Robot) -> Result<[Figure; 2], Re
     let notes = vec![
         (Ink::Vermilion, says("action command", sudden.command)),
         (Ink::Blue, says("latest velocity", sudden.velocity)),
-        (Ink::Grey, says("without the obstacle", sudden.command_without)),
+        (Ink::Grey, says("without it", sudden.command_without)),
     ];
     let subtitle =
         sudden.reaction_s.map_or("no reaction".into(), |after| format!("{after:.2} s after it appeared"));
