@@ -36,7 +36,7 @@ impl Evaluation {
         let cases: Result<Vec<_>, _> = self.cases.iter().map(|case| plots::case(case, robot)).collect();
         report.figures(&cases?, 2);
         report.heading("Fig. 5: how errors are spread");
-        report.figure(&plots::spreads(self));
+        report.figures(&[plots::spreads(self)], 2);
         report.heading("Fig. 6: time and optimality gap");
         report.figure(&plots::times(self));
         report.table(&self.times());

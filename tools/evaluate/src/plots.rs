@@ -131,9 +131,9 @@ pub(crate) fn times(evaluation: &Evaluation) -> Figure {
 pub(crate) fn gaps(evaluation: &Evaluation, solved: bool) -> Figure {
     let value = |gap: &Gap| if solved { gap.solved[0] } else { gap.demonstrator[0] };
     let title = if solved {
-        "Fig. 6b against the solved optimum, window 0.1 s"
+        "Fig. 6b, optimum, window 0.1 s"
     } else {
-        "Fig. 6b against the 734-candidate demonstrator, window 0.1 s"
+        "Fig. 6b, demonstrator, window 0.1 s"
     };
     let mut plot = LinePlot::new(
         title,
