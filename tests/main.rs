@@ -57,3 +57,5 @@ mod bags;
 mod play;
 // Where policy and expert disagree in a recording.
 mod compare;
+// Learning as a user meets it: data set, training, evaluation, closed loops.
+mod learning;

@@ -221,7 +221,7 @@ fn every_kernel_gives_the_same_bits() {
     for sample in samples() {
         let mut problem = Problem::new(&LOOMO, Weights::STANDARD);
         problem.pose(&sample.cost, sample.goal, sample.from);
-        let groups = groups(734, &LOOMO);
+        let groups = groups(0..734, &LOOMO);
         let mut scores = vec![vec![Scores::NONE; groups.len()]; 3];
         for (kernel, scores) in Kernel::available().zip(&mut scores) {
             kernel.evaluate(&problem, &groups, scores);

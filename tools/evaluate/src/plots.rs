@@ -130,11 +130,7 @@ pub(crate) fn times(evaluation: &Evaluation) -> Figure {
 /// Fig. 6b, by baseline.
 pub(crate) fn gaps(evaluation: &Evaluation, solved: bool) -> Figure {
     let value = |gap: &Gap| if solved { gap.solved[0] } else { gap.demonstrator[0] };
-    let title = if solved {
-        "Fig. 6b, optimum, window 0.1 s"
-    } else {
-        "Fig. 6b, demonstrator, window 0.1 s"
-    };
+    let title = if solved { "Fig. 6b, optimum, window 0.1 s" } else { "Fig. 6b, demonstrator, window 0.1 s" };
     let mut plot = LinePlot::new(
         title,
         Axis::new("candidates", "").over(0.0, SHOWN_CANDIDATES as f64),
