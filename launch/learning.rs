@@ -133,6 +133,9 @@ pub(crate) struct EvaluateArguments {
     /// Writes the report, all in one page.
     #[arg(long)]
     html: Option<PathBuf>,
+    /// Writes the main pictures.
+    #[arg(long)]
+    svg: Option<PathBuf>,
     /// Writes the figures.
     #[arg(long)]
     json: Option<PathBuf>,
@@ -262,8 +265,8 @@ pub(crate) fn train(arguments: TrainArguments) -> Result<(), Failure> {
 /// # Errors
 /// Exit code 2 for an option, 3 for a file.
 pub(crate) fn evaluate(arguments: EvaluateArguments) -> Result<(), Failure> {
-    let EvaluateArguments { data, trained_on, foreign, model, samples, robot, html, json } = arguments;
-    [&html, &json].into_iter().flatten().try_for_each(|path| crate::output::may_write(path))?;
+    let EvaluateArguments { data, trained_on, foreign, model, samples, robot, html, svg, json } = arguments;
+    [&html, &svg, &json].into_iter().flatten().try_for_each(|path| crate::output::may_write(path))?;
     let robot = robot_named(&robot)?.0;
     let options = EvaluateOptions { model, training: trained_on, held_out: data, foreign, samples, robot };
     let evaluation =
@@ -272,6 +275,10 @@ pub(crate) fn evaluate(arguments: EvaluateArguments) -> Result<(), Failure> {
     if let Some(path) = &html {
         let report = evaluation.report(&options.robot).map_err(|error| evaluation_failure(&error))?;
         crate::output::file(path, &report.html())?;
+    }
+    if let Some(path) = &svg {
+        let picture = evaluation.overview(&options.robot).map_err(|error| evaluation_failure(&error))?;
+        crate::output::file(path, &picture.svg())?;
     }
     json.map_or(Ok(()), |path| crate::output::json(&path, &evaluation.json()))
 }

@@ -6,7 +6,7 @@ use crate::evaluation::Evaluation;
 use crate::plots;
 use crate::table1::SetTable;
 use sidestep_msgs::Robot;
-use sidestep_report::{Report, Table};
+use sidestep_report::{Figure, Report, Table};
 use sidestep_train::Errors;
 
 /// Where the paper's times come from.
@@ -57,6 +57,18 @@ impl Evaluation {
         report.heading("Table II: kinds of methods");
         report.table(&self.table2());
         Ok(report)
+    }
+
+    /// The main pictures as one: single frames, and the gap beside that of sets of candidates.
+    ///
+    /// # Errors
+    /// [`EvaluateError::Report`] where a picture cannot be drawn.
+    pub fn overview(&self, robot: &Robot) -> Result<Figure, EvaluateError> {
+        let cases: Result<Vec<_>, _> =
+            self.cases.iter().take(3).map(|case| plots::case(case, robot)).collect();
+        let cases = Figure::sheet("Frames of other worlds, by error", &cases?, 3);
+        let all = [cases, plots::gaps(self, false), plots::gaps(self, true)];
+        Ok(Figure::stack("The policy, frame by frame", &all))
     }
 
     fn tiles(&self, report: &mut Report) {
