@@ -38,12 +38,14 @@ pub struct Curve {
     pub points: Vec<(usize, Gap)>,
 }
 
-/// How many candidates (first ones) are as near as the model; `None` beyond the largest set.
+/// How many candidates are as near as the model; `None` beyond the largest set.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Equals {
-    /// To the 734-candidate demonstrator (sets smaller than 734), by window.
+    /// To the 734-candidate demonstrator, of its own first candidates (sets smaller than 734), by window.
     pub demonstrator: [Option<f64>; 2],
-    /// To the solved optimum, by window.
+    /// To the 734-candidate demonstrator, of candidates that it does not hold.
+    pub demonstrator_apart: [Option<f64>; 2],
+    /// To the solved optimum, of first candidates.
     pub solved: [Option<f64>; 2],
 }
 
@@ -84,7 +86,7 @@ pub(crate) fn gaps(answers: &[Answered], limits: &Limits) -> Gaps {
             points: COUNTS.iter().map(|count| (*count, of_set(answers, limits, &numbers(*count)))).collect(),
         })
         .collect();
-    let equals = equals(&policy, &curves[0]);
+    let equals = equals(&policy, [&curves[0], &curves[1]]);
     Gaps { policy, curves, equals }
 }
 
@@ -119,9 +121,9 @@ fn gap(answers: &[Answered], limits: &Limits, command: impl Fn(&Answered) -> Twi
     sums
 }
 
-fn equals(policy: &Gap, nested: &Curve) -> Equals {
-    let find = |most: usize, own: f64, of: &dyn Fn(&Gap) -> f64| {
-        let points: Vec<(f64, f64)> = nested
+fn equals(policy: &Gap, [nested, apart]: [&Curve; 2]) -> Equals {
+    let find = |curve: &Curve, most: usize, own: f64, of: &dyn Fn(&Gap) -> f64| {
+        let points: Vec<(f64, f64)> = curve
             .points
             .iter()
             .filter(|(count, _)| *count <= most)
@@ -130,8 +132,10 @@ fn equals(policy: &Gap, nested: &Curve) -> Equals {
         crossing(&points, own)
     };
     Equals {
-        demonstrator: [0, 1].map(|w| find(734, policy.demonstrator[w], &|gap| gap.demonstrator[w])),
-        solved: [0, 1].map(|w| find(usize::MAX, policy.solved[w], &|gap| gap.solved[w])),
+        demonstrator: [0, 1].map(|w| find(nested, 734, policy.demonstrator[w], &|gap| gap.demonstrator[w])),
+        demonstrator_apart: [0, 1]
+            .map(|w| find(apart, usize::MAX, policy.demonstrator[w], &|gap| gap.demonstrator[w])),
+        solved: [0, 1].map(|w| find(nested, usize::MAX, policy.solved[w], &|gap| gap.solved[w])),
     }
 }
 

@@ -45,7 +45,7 @@ impl Evaluation {
         report.paragraph(
             "The gap is the mean norm of the difference of two emitted commands. `First candidates` are the beginning of \
              the demonstrator's own sequence (nested), `other candidates` a stretch of it that the demonstrator does not \
-             hold. The model learned the solved labels.",
+             hold: a set that holds the answer is near to it by chance. The model learned the solved labels.",
         );
         report.table(&self.gap_table());
         report.table(&self.regret_table());
@@ -187,6 +187,12 @@ impl Evaluation {
                     shown(self.equals.demonstrator[index], "over 734"),
                 ),
                 (
+                    "734 candidates, beside candidates that it does not hold",
+                    self.gap.demonstrator[index],
+                    self.gap.demonstrator_squared[index],
+                    shown(self.equals.demonstrator_apart[index], "over 10000"),
+                ),
+                (
                     "solved",
                     self.gap.solved[index],
                     self.gap.solved_squared[index],
@@ -304,7 +310,8 @@ impl std::fmt::Display for Evaluation {
             |count: Option<f64>| count.map_or("more than all tried".into(), |count| format!("{count:.0}"));
         writeln!(
             out,
-            "equals {} candidates against the demonstrator, {} against the optimum",
+            "equals {} candidates against the demonstrator ({} of its own), {} against the optimum",
+            count(self.equals.demonstrator_apart[0]),
             count(self.equals.demonstrator[0]),
             count(self.equals.solved[0])
         )?;
