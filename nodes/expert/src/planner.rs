@@ -23,9 +23,9 @@ const FINALISTS: usize = 3;
 /// Generations of those.
 const GENERATIONS: usize = 60;
 /// Groups of sixteen candidates beside the seed of a refined plan.
-const REFINED_GROUPS: usize = 3;
-/// Rounds of sixteen probes of a refined plan: with the groups and the seed's own, a quarter of 734 evaluations.
-const REFINED_ROUNDS: usize = 7;
+const REFINED_GROUPS: usize = 5;
+/// Generations of a refined plan: with the groups and the seed's own, a quarter of 734 evaluations.
+const REFINED_ROUNDS: usize = 5;
 /// Planning cost above the limit that discrete candidates may show without counting as inadmissible.
 const TOLERANCE: f32 = 0.1;
 
@@ -302,8 +302,8 @@ impl Planner {
                 best = self.scored(index);
             }
         }
-        let rounds =
-            improve(self.kernel, &self.problem, &self.limits, &self.range, &mut best, REFINED_ROUNDS);
-        (best, (1 + count + rounds) * LANES)
+        let mut search = Evolution::new(best, &self.limits);
+        let rounds = self.evolve(&mut search, REFINED_ROUNDS);
+        (search.best, (1 + count + rounds) * LANES)
     }
 }
