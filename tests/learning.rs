@@ -1,7 +1,7 @@
 //! Learning as a user meets it: data set, training, evaluation, closed loops; interrupted, and with what does not fit.
 
 use crate::command_line::refused;
-use crate::harness::{Folder, run, sidestep};
+use crate::harness::{Alone, Folder, run, sidestep};
 
 fn make(folder: &Folder, name: &str, samples: &str) -> String {
     let path = folder.join(name).display().to_string();
@@ -17,6 +17,8 @@ fn make(folder: &Folder, name: &str, samples: &str) -> String {
 
 #[test]
 fn from_nothing_to_a_page_of_tables_and_a_drive() {
+    // Both cores at work would make a robot that drives meanwhile late.
+    let _alone = Alone::wait();
     let folder = Folder::new("learning");
     let path = |name: &str| folder.join(name).display().to_string();
     let data = make(&folder, "data", "2000");
@@ -41,6 +43,8 @@ fn from_nothing_to_a_page_of_tables_and_a_drive() {
 /// Kills a training after its first checkpoint; the second call goes on and gives the file of one that was left alone.
 #[test]
 fn a_killed_training_loses_only_the_time_since_its_last_checkpoint() {
+    // Both cores at work would make a robot that drives meanwhile late.
+    let _alone = Alone::wait();
     let folder = Folder::new("killed-training");
     let path = |name: &str| folder.join(name).display().to_string();
     let data = make(&folder, "data", "300");
@@ -68,6 +72,8 @@ fn a_killed_training_loses_only_the_time_since_its_last_checkpoint() {
 
 #[test]
 fn what_cannot_be_learned_from_is_refused_with_what_is_needed() {
+    // Both cores at work would make a robot that drives meanwhile late.
+    let _alone = Alone::wait();
     let folder = Folder::new("unlearnable");
     let path = |name: &str| folder.join(name).display().to_string();
     let data = make(&folder, "data", "100");
