@@ -8,7 +8,7 @@ use sidestep_evaluate::{EvaluateError, EvaluateOptions};
 use sidestep_train::{
     Dataset, DatasetOptions, DriveProfile, Frames, Header, TrainError, TrainOptions, TrainReport,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What to do with a data set.
 #[derive(Debug, Subcommand)]
@@ -160,7 +160,16 @@ fn progress(line: &str) {
     crate::output::note(line.to_owned());
 }
 
-fn threads(asked: Option<usize>) -> usize {
+/// The bytes of a model file.
+///
+/// # Errors
+/// Exit code 3 where it cannot be read.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    std::fs::read(path).map_err(|error| Failure::io(format!("{}: {error}", path.display())))
+}
+
+/// Threads asked for, or one for each core.
+pub(crate) fn threads(asked: Option<usize>) -> usize {
     asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
@@ -196,11 +205,11 @@ fn make(arguments: MakeArguments) -> Result<(), Failure> {
         let text = "--model and --world are for drives, needed: --from paper or --from robust";
         return Err(Failure::usage(text));
     }
-    let read = |path: PathBuf| {
-        std::fs::read(&path).map_err(|error| Failure::io(format!("{}: {error}", path.display())))
+    let profile = DriveProfile {
+        policy: model.as_deref().map(read).transpose()?,
+        worlds: world,
+        bursts: from == From::Robust,
     };
-    let profile =
-        DriveProfile { policy: model.map(read).transpose()?, worlds: world, bursts: from == From::Robust };
     let frames = if from == From::Artificial { Frames::Artificial } else { Frames::Drives(profile) };
     let threads = threads(asked);
     let options = DatasetOptions { out, frames, samples, seed, threads, robot: robot_named(&robot)?.0 };

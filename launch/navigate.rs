@@ -2,6 +2,7 @@
 //! 9, and what each weight of the expert is worth.
 
 use crate::failure::Failure;
+use crate::learning::{read, threads};
 use crate::manifest::robot_named;
 use clap::{Args, ValueEnum};
 use sidestep_drive::{Lead, Sight};
@@ -9,7 +10,7 @@ use sidestep_navigate::{
     CorridorOptions, FIRST_SEED, NavigateError, Navigation, SEEDS, SIGHT, SuiteOptions, beside, corridors,
     rooms, sudden,
 };
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What to drive.
 #[derive(Debug, Args)]
@@ -113,10 +114,6 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     })
 }
 
-fn threads(asked: Option<usize>) -> usize {
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
-}
-
 fn failure(error: &NavigateError) -> Failure {
     match error {
         NavigateError::Option { .. } => Failure::usage(error.to_string()),
@@ -155,10 +152,6 @@ pub(crate) fn navigate(arguments: &NavigateArguments) -> Result<(), Failure> {
         return Err(Failure::unmet(format!("{contacts} contacts with the arbiter on")));
     }
     Ok(())
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, Failure> {
-    std::fs::read(path).map_err(|error| Failure::io(format!("{}: {error}", path.display())))
 }
 
 fn drive(arguments: &NavigateArguments) -> Result<Navigation, Failure> {

@@ -5,7 +5,7 @@
 //! goal has the planners of eq. (6) turn almost on the spot: what lies between is seen from where it can be seen.
 //!
 //! Where nothing of the map is unseen there is nothing to look for, and the goal stays: drawn near, it would hold back
-//! whoever has turned away from it to go round an obstacle. (Measured with `rooms` of `tools/navigate`: of 300 rooms on
+//! whoever has turned away from it to go round an obstacle. (Measured with `sidestep navigate --rooms 300`: of 300 rooms on
 //! maps that are wholly known, solved plans stood still in 8 with the goal always drawn near, in none with this rule.
 //! To ask only for what lies between robot and goal, hidden cells excepted, costs an eighth of the goals in offices.)
 

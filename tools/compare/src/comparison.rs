@@ -8,7 +8,7 @@ use crate::join::{Coverage, Frame, Joiner, Seconds};
 use crate::keep::{Highest, HighestApart};
 use crate::source::{Origin, Source};
 use serde::Serialize;
-use sidestep_expert::Judge;
+use sidestep_expert::{Config, Judge};
 use sidestep_latency::Collector;
 use sidestep_msgs::{
     CLOCK, COMMAND, Code, LOCAL_CELLS, LOCAL_MAP, LocalGoal, LocalMap, Proposal, Robot, Status, TRUTH, Twist,
@@ -21,8 +21,6 @@ use sidestep_train::{
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Candidates of the plans that proposals are judged by: the paper's.
-const CANDIDATES: usize = 734;
 /// Most samples that can be mined at once: they are held until the file is written.
 const MINE_MOST: usize = 100_000;
 
@@ -124,7 +122,7 @@ struct Gatherer<'a> {
 impl<'a> Gatherer<'a> {
     fn new(source: &'a Source, options: &Options) -> Self {
         Self {
-            judge: Judge::new(&source.robot.limits, &source.weights, CANDIDATES),
+            judge: Judge::new(&source.robot.limits, &source.weights, Config::STANDARD.candidates),
             robot: &source.robot,
             rank: options.rank,
             windows: Default::default(),

@@ -4,12 +4,10 @@ use crate::cases::Case;
 use crate::doubt::Doubt;
 use crate::evaluation::Evaluation;
 use crate::gap::Gap;
-use sidestep_expert::{UNKNOWN_COST, Weights};
-use sidestep_msgs::{LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Pose2, Robot, Twist};
+use sidestep_expert::UNKNOWN_COST;
+use sidestep_msgs::{LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Robot};
 use sidestep_report::{Axis, Boxes, Cells, Figure, Ink, LinePlot, MapPicture, Overlay, ReportError, Shade};
 
-/// `[s]` a velocity drawn as an arrow is held this long.
-const ARROW_S: f64 = 1.0;
 /// Largest set of the curves that is drawn, as in the paper's range and a little beyond.
 const SHOWN_CANDIDATES: usize = 2000;
 
@@ -36,28 +34,18 @@ impl Frame<'_> {
         };
         let goal = usize::from(self.goal_cell).min(LOCAL_CELLS - 1);
         let (x_m, y_m) = LOCAL_GRID.centre(goal / LOCAL_SIDE, goal % LOCAL_SIDE);
-        let polygon = robot.footprint.polygon_m.iter();
-        let mut overlays = vec![
-            Overlay::Footprint(polygon.map(|corner| (corner[0].into(), corner[1].into())).collect()),
-            Overlay::Goal(x_m.into(), y_m.into()),
-        ];
+        let mut overlays =
+            vec![Overlay::outline(&robot.footprint.polygon_m), Overlay::Goal(x_m.into(), y_m.into())];
         if let Some((_, ink, _)) = self.wishes.first() {
             overlays.push(Overlay::Line(self.way_m.clone(), *ink, true));
         }
         let widths_px = [8.0, 5.0, 3.0];
         let arrows = self.wishes.iter().zip(widths_px);
-        overlays.extend(arrows.map(|((_, ink, twist), px)| Overlay::Arrow(held(*twist), *ink, px)));
+        overlays.extend(arrows.map(|((_, ink, twist), px)| Overlay::velocity(*twist, *ink, px)));
         MapPicture {
             title: self.title.clone(),
             subtitle: self.subtitle.clone(),
-            cells: Cells {
-                side: LOCAL_SIDE,
-                cell_m: LOCAL_GRID.cell_m.into(),
-                rear_m: LOCAL_GRID.rear_m.into(),
-                right_m: LOCAL_GRID.right_m.into(),
-                limit: Weights::STANDARD.limit,
-                shades: self.cost.iter().map(shade).collect(),
-            },
+            cells: Cells::local(self.cost.iter().map(shade).collect()),
             overlays,
             notes: self.wishes.iter().map(|(name, ink, twist)| (*ink, named(name, *twist))).collect(),
         }
@@ -86,15 +74,6 @@ pub(crate) fn case(case: &Case, robot: &Robot) -> Result<Figure, ReportError> {
         ],
     }
     .figure(robot)
-}
-
-/// The way of a velocity held for a while.
-fn held([v_m_s, w_rad_s]: [f32; 2]) -> Vec<(f64, f64)> {
-    const STEPS: u32 = 20;
-    let pose = |step| {
-        Pose2::ORIGIN.advance(&Twist::new(v_m_s, w_rad_s), ARROW_S * f64::from(step) / f64::from(STEPS))
-    };
-    (0..=STEPS).map(|step| (pose(step).x_m, pose(step).y_m)).collect()
 }
 
 /// Fig. 5.

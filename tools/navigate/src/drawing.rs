@@ -5,7 +5,7 @@ use crate::corridor::{CORRIDOR_M, Corridor, TRAININGS};
 use crate::sudden::{Sudden, View};
 use crate::suite::Failure;
 use sidestep_drive::Lead;
-use sidestep_msgs::{LOCAL_GRID, LOCAL_SIDE, Pose2, Robot, Twist};
+use sidestep_msgs::Robot;
 use sidestep_report::{
     Axis, Cells, Cloud, Figure, Ink, MapPicture, Overlay, Picture, ReportError, Scatter, Shade,
 };
@@ -13,10 +13,6 @@ use sidestep_sim::World;
 
 /// `[m]` between the dots that fill an obstacle.
 const DOT_M: f64 = 0.03;
-/// `[s]` a velocity drawn as an arrow is held this long.
-const ARROW_S: f64 = 1.0;
-/// `[1]` eq. (6c): planning cost above this is not safe.
-const LIMIT: f32 = 0.4;
 /// `[m]` what is farther is drawn as dark as this.
 const FAR_M: f32 = 3.5;
 /// Width of a depth picture in its figure, near that of the map beside it.
@@ -107,20 +103,12 @@ pub(crate) fn patrols(corridor: &Corridor) -> Figure {
 pub(crate) fn reaction(sudden: &Sudden, robot: &Robot) -> Result<[Figure; 2], ReportError> {
     let view = &sudden.view;
     let shades = view.cells.iter().map(|cell| cell.map_or(Shade::Unknown, Shade::Filled)).collect();
-    let cells = Cells {
-        side: LOCAL_SIDE,
-        cell_m: LOCAL_GRID.cell_m.into(),
-        rear_m: LOCAL_GRID.rear_m.into(),
-        right_m: LOCAL_GRID.right_m.into(),
-        limit: LIMIT,
-        shades,
-    };
-    let corners = robot.footprint.polygon_m.iter().map(|corner| (corner[0].into(), corner[1].into()));
+    let cells = Cells::local(shades);
     let overlays = vec![
-        Overlay::Footprint(corners.collect()),
+        Overlay::outline(&robot.footprint.polygon_m),
         Overlay::Line(view.path_m.clone(), Ink::Text, true),
-        Overlay::Arrow(held(sudden.velocity), Ink::Blue, 6.0),
-        Overlay::Arrow(held(sudden.command), Ink::Vermilion, 3.0),
+        Overlay::velocity(sudden.velocity, Ink::Blue, 6.0),
+        Overlay::velocity(sudden.command, Ink::Vermilion, 3.0),
     ];
     let says = |name: &str, [v, w]: [f32; 2]| format!("{name}: {v:.2} m/s, {w:+.2} rad/s");
     let notes = vec![
@@ -132,14 +120,6 @@ pub(crate) fn reaction(sudden: &Sudden, robot: &Robot) -> Result<[Figure; 2], Re
         sudden.reaction_s.map_or("no reaction".into(), |after| format!("{after:.2} s after it appeared"));
     let map = MapPicture { title: sudden.name.into(), subtitle, cells, overlays, notes }.figure()?;
     Ok([map, seen(view)?])
-}
-
-/// The way of a velocity held for a second.
-fn held([v_m_s, w_rad_s]: [f32; 2]) -> Vec<(f64, f64)> {
-    const STEPS: u32 = 20;
-    let twist = Twist::new(v_m_s, w_rad_s);
-    let pose = |step| Pose2::ORIGIN.advance(&twist, ARROW_S * f64::from(step) / f64::from(STEPS));
-    (0..=STEPS).map(|step| (pose(step).x_m, pose(step).y_m)).collect()
 }
 
 /// A depth image: near is light, not measured is blue.

@@ -4,14 +4,12 @@ use crate::error::NavigateError;
 use crate::room::Course;
 use serde::Serialize;
 use sidestep_drive::{Drive, Lead, Setup, Sight};
-use sidestep_expert::{Judge, Weights};
+use sidestep_expert::{Config, Judge, Weights};
 use sidestep_msgs::{LOCAL_CELLS, Robot, Status, Twist, clamp_to_window};
 use sidestep_policy::Policy;
 
 /// Ticks of 10 ms between two judgements of the command: 0.5 s.
 const JUDGED_TICKS: u64 = 50;
-/// Candidates of the judge: those of the paper's demonstrator.
-const CANDIDATES: usize = 734;
 /// `[m/s]` and [rad/s] slower than this is standing.
 const STANDING: f32 = 0.02;
 /// Columns and rows of the rendered depth: half the camera's, which the mapper sees the floor with as well.
@@ -94,7 +92,7 @@ impl<'a> Pilot<'a> {
         Ok(Self {
             robot,
             policy: Some(policy),
-            judge: Judge::new(&robot.limits, &Weights::STANDARD, CANDIDATES),
+            judge: Judge::new(&robot.limits, &Weights::STANDARD, Config::STANDARD.candidates),
         })
     }
 

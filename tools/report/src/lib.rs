@@ -10,6 +10,7 @@ mod bars;
 mod boxes;
 mod canvas;
 mod line;
+mod local;
 mod map;
 mod page;
 mod picture;

@@ -1,11 +1,8 @@
 //! What the expert would do about a frame: the two labels of every record, made at one place.
 
 use crate::record::Record;
-use sidestep_expert::{Mode, Planner, Weights};
+use sidestep_expert::{Config, Mode, Planner, Weights};
 use sidestep_msgs::Robot;
-
-/// Candidates of the paper's demonstrator.
-const CANDIDATES: usize = 734;
 
 /// The expert that labels; one per thread.
 #[derive(Debug, Clone)]
@@ -13,7 +10,7 @@ pub(crate) struct Labeller(Planner);
 
 impl Labeller {
     pub(crate) fn new(robot: &Robot) -> Self {
-        Self(Planner::new(&robot.limits, &Weights::STANDARD, CANDIDATES))
+        Self(Planner::new(&robot.limits, &Weights::STANDARD, Config::STANDARD.candidates))
     }
 
     /// Writes both labels and their costs.

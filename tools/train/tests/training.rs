@@ -1,5 +1,5 @@
 //! The promises of dataset, training and evaluation, on small ones.
-#![allow(clippy::unwrap_used, clippy::float_cmp, reason = "a test fails by panicking")]
+#![allow(clippy::unwrap_used, clippy::float_cmp, clippy::print_stdout, reason = "a test fails by panicking")]
 
 use sidestep_msgs::Robot;
 use sidestep_train::*;
@@ -78,6 +78,27 @@ fn solving_never_costs_more_than_the_best_candidate() {
         assert!(record.cost_solved <= record.cost_734, "record {index}");
         assert!(record.label_solved.iter().chain(&record.label_734).all(|x| x.is_finite()));
     }
+}
+
+/// Solves each frame as labels are solved, and again from 10,000 candidates instead of 2,000: what differs is not in the
+/// frame, and cannot be learned.
+#[test]
+fn a_label_says_little_about_the_length_of_its_search() {
+    use sidestep_expert::{Mode, Planner, Weights};
+    let robot = robot();
+    let mut planners = [734, 10_000].map(|count| Planner::new(&robot.limits, &Weights::STANDARD, count));
+    let mut difference = Difference::default();
+    for stream in 0..1000 {
+        let scene = scene(4242, stream, &robot.limits, robot.half_width_m());
+        let [short, long] = planners.each_mut().map(|planner| {
+            let plan = planner.plan(&scene.planning_cost, scene.goal_cell, scene.twist, Mode::Solved);
+            within_window(plan.twist, scene.twist, &robot.limits, WINDOWS_S[0])
+        });
+        difference.add(short, long);
+    }
+    let Errors { v_mean, w_mean, .. } = difference.errors();
+    println!("labels of two searches differ by {v_mean:.4} m/s and {w_mean:.4} rad/s within 0.1 s");
+    assert!(v_mean < 0.008 && w_mean < 0.012, "{v_mean} {w_mean}");
 }
 
 /// Plans on mirrored records: the augmentation of the trainer must not contradict the expert.
