@@ -91,15 +91,15 @@ pub(crate) fn gaps(answers: &[Answered], limits: &Limits) -> Gaps {
 }
 
 fn of_set(answers: &[Answered], limits: &Limits, numbers: &[usize]) -> Gap {
-    let planner = std::cell::RefCell::new(Planner::choosing_from(limits, &Weights::STANDARD, numbers));
+    let mut planner = Planner::choosing_from(limits, &Weights::STANDARD, numbers);
     gap(answers, limits, |answer| {
         let record = &answer.record;
         let cell = usize::from(record.goal_cell);
-        planner.borrow_mut().plan(&record.planning_cost, cell, record.twist(), Mode::Plain).twist
+        planner.plan(&record.planning_cost, cell, record.twist(), Mode::Plain).twist
     })
 }
 
-fn gap(answers: &[Answered], limits: &Limits, command: impl Fn(&Answered) -> Twist) -> Gap {
+fn gap(answers: &[Answered], limits: &Limits, mut command: impl FnMut(&Answered) -> Twist) -> Gap {
     let mut sums = Gap::default();
     let part = 1.0 / answers.len().max(1) as f64;
     for answer in answers {

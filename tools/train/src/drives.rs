@@ -88,7 +88,7 @@ fn refused(error: impl std::fmt::Display) -> TrainError {
     TrainError::Drive { detail: error.to_string() }
 }
 
-/// Half of the samples come from offices, which are driven round, the others from corridors and rooms of any density.
+/// An office, driven round, or a corridor or a room of any density: a fifth, nearly half, and a third of the samples.
 fn world(random: &mut Random) -> (u8, World) {
     let seed = random.bits() >> 16;
     let density = f64::from(random.between(0.5, 2.0));
