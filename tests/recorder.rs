@@ -123,8 +123,14 @@ fn each_file_of_a_split_begins_with_fresh_states_and_what_still_holds() {
         assert!(Info::read(path).unwrap().complete, "{}", path.display());
         let entries = entries(path);
         let of = |topic: usize| entries.iter().filter(move |entry| entry.topic == topic);
+        // The end of the drive may cut the last file short of anything.
+        let span = of(ODOMETRY.index).next().zip(of(ODOMETRY.index).next_back());
+        let lasts_ns = span.map_or(0, |(first, last)| last.header.now_ns - first.header.now_ns);
+        if number + 1 == files.len() && lasts_ns < SECOND_NS {
+            continue;
+        }
         assert!(of(PATH.index).count() > 0 && of(CLOCK.index).count() > 0, "{}", path.display());
-        let first = of(ODOMETRY.index).next().unwrap();
+        let (first, last) = span.unwrap();
         if let Some(before) = before {
             assert_eq!(
                 first.header.sequence,
@@ -132,11 +138,13 @@ fn each_file_of_a_split_begins_with_fresh_states_and_what_still_holds() {
                 "nothing is lost between two files"
             );
         }
-        before = of(ODOMETRY.index).next_back().cloned();
-        // Asked for by the file itself: an old state at its head would be of before.
+        before = Some(last.clone());
+        // Asked for by the file itself: an old state at its head would be of long before. A file may begin between two
+        // messages of odometry, so that a state asked for at once is a little older than the first.
         for topic in [STATE_MAPPER.index, STATE_GOAL.index, STATE_ARBITER.index] {
-            let fresh = of(topic).find(|entry| entry.header.now_ns >= first.header.now_ns);
-            let late = fresh.map_or(u64::MAX, |entry| entry.header.now_ns - first.header.now_ns);
+            let fresh = of(topic).find(|entry| entry.header.now_ns + SECOND_NS / 10 >= first.header.now_ns);
+            let late =
+                fresh.map_or(u64::MAX, |entry| entry.header.now_ns.saturating_sub(first.header.now_ns));
             assert!(late < SECOND_NS, "{}: topic {topic} after {late} ns", path.display());
         }
     }

@@ -91,9 +91,10 @@ fn each_file_of_a_split_and_a_snapshot_replays_from_its_first_state() {
         let file = file.unwrap().path();
         let (outcome, report) = replay(&file, &[]);
         let [recorded, compared, differing] = steps(&report);
-        assert_eq!((outcome.code, differing), (0, 0), "{}: {}", file.display(), outcome.out);
-        // The last file of a split may be short.
+        assert_eq!(differing, 0, "{}: {}", file.display(), outcome.out);
+        // The last file of a split may be too short to hold a state.
         if recorded > 1000 {
+            assert_eq!(outcome.code, 0, "{}: {}", file.display(), outcome.out);
             assert!(100 * compared >= 90 * recorded, "{}: {}", file.display(), outcome.out);
             replayed += 1;
         }

@@ -329,6 +329,17 @@ impl Robot {
         camera.or(scanner).unwrap_or(core::f32::consts::PI)
     }
 
+    /// `[m]` distance from the axle at which a camera first sees the floor straight ahead: nearer cells show themselves only
+    /// from farther off. 0 for a scanner, which sees them from where it stands.
+    #[must_use]
+    pub fn blind_m(&self) -> f32 {
+        self.camera.map_or(0.0, |camera| {
+            let half_rad = libm::atan2f(0.5 * camera.height_px as f32, camera.focal_px);
+            let lowest = libm::tanf((camera.pitch_down_rad + half_rad).max(0.0));
+            (camera.forward_m + camera.height_m / lowest.max(1e-3)).max(0.0)
+        })
+    }
+
     /// `[m]` radius of the circle round the axle that holds the footprint.
     #[must_use]
     pub fn radius_m(&self) -> f32 {

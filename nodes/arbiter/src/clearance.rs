@@ -259,6 +259,12 @@ impl FreeSpace {
         self.dilate();
     }
 
+    /// Whether a cell of the safety map is not free because nobody saw it.
+    pub(crate) fn is_unseen(&self, cell: u32) -> bool {
+        let (row, col) = (cell as usize / SAFETY_SIDE, cell as usize % SAFETY_SIDE);
+        row < SAFETY_SIDE && self.unknown[SAFETY_SIDE - 1 - row] >> (SAFETY_SIDE - 1 - col) & 1 == 1
+    }
+
     /// Forgets everything.
     pub(crate) fn clear(&mut self) {
         self.blocked = [ALL; SAFETY_SIDE];

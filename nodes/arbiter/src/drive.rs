@@ -79,6 +79,11 @@ impl Arbiter {
         } else {
             self.ask(&situation, &question)
         };
+        if action == Action::Follow {
+            self.memory
+                .recovery
+                .stopped_by(filtered.scale < FREE_SCALE && self.space.is_unseen(filtered.cell));
+        }
         if let Action::Rest(reason) = action {
             let may_retry = self.config.resume == Resume::Auto;
             let free = filtered.scale >= FREE_SCALE;

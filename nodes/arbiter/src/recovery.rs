@@ -1,4 +1,5 @@
-//! What to do when nothing helps: turn round to see, back up a little, then rest and ask. The map is never cleared.
+//! What to do when nothing helps: back up to see what lay too near to be seen, turn round, then rest and ask. The map is
+//! never cleared.
 
 use crate::config::{Config, span_ns};
 use bytemuck::{Pod, Zeroable};
@@ -8,13 +9,15 @@ use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
 const SCAN_RAD: f64 = 2.0 * std::f64::consts::PI;
 /// `[ns]` longest scan and longest back-up.
 const SCAN_NS: u64 = 20_000_000_000;
-const BACK_UP_NS: u64 = 5_000_000_000;
+const BACK_UP_NS: u64 = 10_000_000_000;
 /// `[ns]` a recovery that moves nothing for this long is over.
 const BLOCKED_NS: u64 = 1_500_000_000;
+/// `[rad]` a turn by this much is progress as well, for three times the span allowed without any.
+const PROGRESS_RAD: f64 = 0.6;
 /// `[m]` and `[rad]` what counts as having moved at all.
 const MOVED_M: f64 = 0.08;
 const MOVED_RAD: f64 = 0.3;
-/// `[m]` this far from the trouble, the next one is a new one.
+/// `[m]` this much farther from the trouble than a back-up leads, the next one is a new one.
 const AWAY_M: f64 = 0.5;
 
 const FOLLOW: u32 = 0;
@@ -29,7 +32,7 @@ pub(crate) enum Action {
     Follow,
     /// A turn on the spot.
     Scan(Twist),
-    /// A motion backward over cells seen lately.
+    /// A motion backward over free cells.
     BackUp(Twist),
     /// Rest, with the trouble as the reason.
     Rest(Reason),
@@ -49,6 +52,8 @@ pub(crate) struct Recovery {
     turned_rad: f64,
     last_yaw_rad: f64,
     anchor_ns: u64,
+    /// `[ns]` graph time of the last progress by way, not by turning.
+    way_ns: u64,
     phase_ns: u64,
     /// Pose in `odom` at `still_ns`.
     still: Pose2,
@@ -63,14 +68,22 @@ pub(crate) struct Recovery {
     scanned: u32,
     /// 1 once it backed up here.
     backed: u32,
-    _pad: u32,
+    /// 1 while what stops the wish is a cell that nobody saw: waiting shows no more of it.
+    unseen: u32,
 }
 
 impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
         let keep = (self.scanned, self.backed, self.trouble);
-        *self = Self { anchor: *pose, anchor_ns: now_ns, still: *pose, still_ns: now_ns, ..Self::zeroed() };
+        *self = Self {
+            anchor: *pose,
+            anchor_ns: now_ns,
+            way_ns: now_ns,
+            still: *pose,
+            still_ns: now_ns,
+            ..Self::zeroed()
+        };
         (self.scanned, self.backed, self.trouble) = keep;
     }
 
@@ -82,6 +95,11 @@ impl Recovery {
         self.anchor_ns = 0;
     }
 
+    /// Hears what stopped the last wish: whether it is a cell that nobody saw.
+    pub(crate) fn stopped_by(&mut self, unseen: bool) {
+        self.unseen = u32::from(unseen);
+    }
+
     /// What to do now, given that somebody wants to drive towards the side `side`; `wants` tells whether the wish is
     /// more than to stand.
     pub(crate) fn action(
@@ -91,13 +109,10 @@ impl Recovery {
         (wants, side): (bool, f32),
         config: &Config,
     ) -> Action {
-        if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M {
+        if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M + f64::from(config.back_up_m) {
             (self.scanned, self.backed) = (0, 0);
         }
-        if self.anchor_ns == 0 || pose.distance_m(&self.anchor) >= f64::from(config.progress_m) {
-            self.anchor = *pose;
-            self.anchor_ns = now_ns;
-        }
+        self.note_progress(now_ns, pose, config);
         let turned = wrap_angle(pose.yaw_rad - self.still.yaw_rad).abs();
         let idle = !wants && self.phase == FOLLOW;
         if self.still_ns == 0 || idle || pose.distance_m(&self.still) > MOVED_M || turned > MOVED_RAD {
@@ -111,8 +126,7 @@ impl Recovery {
                 self.turned_rad += wrap_angle(pose.yaw_rad - self.last_yaw_rad).abs();
                 self.last_yaw_rad = pose.yaw_rad;
                 if still_ns > BLOCKED_NS {
-                    // No room to turn: first back up, and where that was done, rest.
-                    self.begin(if self.backed == 0 { BACK_UP } else { REST }, now_ns, pose);
+                    self.begin(REST, now_ns, pose);
                 } else if self.turned_rad >= SCAN_RAD || since(self.phase_ns) > SCAN_NS {
                     self.scanned = 1;
                     self.begin(FOLLOW, now_ns, pose);
@@ -121,23 +135,23 @@ impl Recovery {
             BACK_UP => {
                 let way_m = pose.distance_m(&self.place);
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
-                if way_m >= f64::from(config.back_up_m) || stuck && way_m > MOVED_M {
+                if stuck || way_m >= f64::from(config.back_up_m) {
                     self.backed = 1;
-                    self.begin(FOLLOW, now_ns, pose);
-                } else if stuck {
-                    self.begin(REST, now_ns, pose);
+                    // No room behind: look round instead.
+                    self.begin(if way_m > MOVED_M { FOLLOW } else { SCAN }, now_ns, pose);
                 }
             }
             REST => {}
             _ => {
-                let boxed_in = still_ns >= span_ns(config.boxed_in_s);
+                let patience_s = if self.unseen != 0 { config.unseen_s } else { config.boxed_in_s };
+                let boxed_in = still_ns >= span_ns(patience_s);
                 let lost = since(self.anchor_ns) >= span_ns(config.no_progress_s);
                 if boxed_in || lost {
                     self.cause = if boxed_in { Reason::BoxedIn } else { Reason::NoProgress } as u32;
                     self.side = if side < 0.0 { -1.0 } else { 1.0 };
-                    let phase = match (self.scanned, self.backed) {
-                        (0, _) => SCAN,
-                        (_, 0) => BACK_UP,
+                    let phase = match (self.backed, self.scanned) {
+                        (0, _) => BACK_UP,
+                        (_, 0) => SCAN,
                         _ => REST,
                     };
                     self.trouble = *pose;
@@ -146,6 +160,20 @@ impl Recovery {
             }
         }
         self.asked(config)
+    }
+
+    /// Moves the anchor on where the robot came on since: by way, or for a while by turning.
+    fn note_progress(&mut self, now_ns: u64, pose: &Pose2, config: &Config) {
+        let way = self.anchor_ns == 0 || pose.distance_m(&self.anchor) >= f64::from(config.progress_m);
+        let turns = now_ns.saturating_sub(self.way_ns) < 3 * span_ns(config.no_progress_s);
+        let turned = wrap_angle(pose.yaw_rad - self.anchor.yaw_rad).abs() >= PROGRESS_RAD;
+        if way || turns && turned {
+            self.anchor = *pose;
+            self.anchor_ns = now_ns;
+        }
+        if way {
+            self.way_ns = now_ns;
+        }
     }
 
     /// Whether the rest may end by itself, or because the wish is free again.
@@ -171,6 +199,7 @@ impl Recovery {
         self.place = *pose;
         self.anchor = *pose;
         self.anchor_ns = now_ns;
+        self.way_ns = now_ns;
         self.turned_rad = 0.0;
         self.last_yaw_rad = pose.yaw_rad;
         self.still = *pose;

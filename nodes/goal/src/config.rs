@@ -26,7 +26,8 @@ pub struct Config {
     pub search_ahead_m: f32,
     /// `[m]` from the end of the path, or from the standby point: arrived.
     pub arrive_m: f32,
-    /// `[1]` planning cost from which a point is not free: m of eq. (6c).
+    /// `[1]` planning cost from which a point is not free: above the 0.5 of cells that nobody can see from here, which hold
+    /// planners off but do not make a path blocked.
     pub limit: f32,
     /// `[m]` from the person to the standby point.
     pub standby_m: f32,
@@ -53,7 +54,7 @@ impl Config {
         past_obstacle_m: 4.0,
         search_ahead_m: 1.5,
         arrive_m: 0.3,
-        limit: 0.4,
+        limit: 0.52,
         standby_m: 1.2,
         person_moves_m_s: 0.3,
         confidence_least: 0.3,

@@ -122,5 +122,5 @@ fn planning(bencher: Bencher) {
     }
     mapper.write_local(&mut map);
     let mut out = map.planning_cost;
-    bencher.bench_local(|| planning_cost(&map.occupancy, &map.age, 0.285, &mut out));
+    bencher.bench_local(|| planning_cost(&map.occupancy, &map.age, (0.285, 1.0), &mut out));
 }

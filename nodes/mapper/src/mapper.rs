@@ -220,7 +220,8 @@ impl Mapper {
         map.pose_epoch = self.memory.pose_epoch;
         map.refused = self.memory.refused;
         self.view.local(&mut map.occupancy, &mut map.age);
-        planning_cost(&map.occupancy, &map.age, self.robot.half_width_m(), &mut map.planning_cost);
+        let reach = (self.robot.half_width_m(), self.robot.blind_m());
+        planning_cost(&map.occupancy, &map.age, reach, &mut map.planning_cost);
     }
 
     /// Fills the map to be safe with, from the memory at the newest capture taken.

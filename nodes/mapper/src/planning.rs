@@ -9,11 +9,21 @@ pub const CLEAR_BELOW: u8 = 90;
 /// Occupancy from here on (0.5) counts as an obstacle and is widened. What lies between is in doubt, as a free cell is
 /// that lost its certainty with motion: it costs what the unknown costs, since nothing was ever seen to stand there.
 const OBSTACLE_FROM: u8 = 128;
+/// Occupancy (0.45) up to which a cell is free for the arbiter.
+const FREE_BELOW: u8 = 114;
+/// P of a cell of which nothing is known.
+const PRIOR: u16 = 128;
 /// `[m]` beyond the half-width, over which the weight falls to zero.
 const FALL_M: f32 = 0.165;
 /// Cells by which the kernel may reach: half-widths up to 0.9 m.
 const REACH_MAX: usize = 10;
 const PADDED: usize = LOCAL_SIDE + 2 * REACH_MAX;
+
+/// Whether the centre of a cell lies nearer to the axle than a distance.
+fn is_nearer(row: usize, col: usize, distance_m: f32) -> bool {
+    let (x_m, y_m) = LOCAL_GRID.centre(row, col);
+    x_m * x_m + y_m * y_m < distance_m * distance_m
+}
 
 /// Weight, in 1/256, of an obstacle at a distance from a cell: 1 up to the half-width, then falling linearly to 0.
 fn weight(distance_m: f32, half_width_m: f32) -> u16 {
@@ -24,18 +34,26 @@ fn weight(distance_m: f32, half_width_m: f32) -> u16 {
 /// Fills `out` with max over obstacle cells k of P(k) w(|c - k|), and at least 0.3 where the cell itself is unknown or in
 /// doubt.
 ///
+/// A cell that is not known free and lies nearer to the robot than `blind_m` ([`sidestep_msgs::Robot::blind_m`]) counts as
+/// an obstacle of P = 0.5: its sensor cannot see it any more before the footprint would be there, and the arbiter lets
+/// nobody cross it. 0 for maps of which nothing can be hidden so.
+///
 /// The same function makes the bytes that the robot drives by and those that a network is trained with.
 pub fn planning_cost(
     occupancy: &[u8; LOCAL_CELLS],
     age: &[u8; LOCAL_CELLS],
-    half_width_m: f32,
+    (half_width_m, blind_m): (f32, f32),
     out: &mut [u8; LOCAL_CELLS],
 ) {
     let mut padded = [[0u16; PADDED]; PADDED];
     for (index, (&occupancy, &age)) in occupancy.iter().zip(age).enumerate() {
-        let obstacle = age != AGE_NEVER && occupancy >= OBSTACLE_FROM;
-        padded[REACH_MAX + index / LOCAL_SIDE][REACH_MAX + index % LOCAL_SIDE] =
-            if obstacle { u16::from(occupancy) } else { 0 };
+        let (row, col) = (index / LOCAL_SIDE, index % LOCAL_SIDE);
+        let is_known = age != AGE_NEVER;
+        padded[REACH_MAX + row][REACH_MAX + col] = match occupancy {
+            OBSTACLE_FROM.. if is_known => u16::from(occupancy),
+            _ if (!is_known || occupancy > FREE_BELOW) && is_nearer(row, col, blind_m) => PRIOR,
+            _ => 0,
+        };
     }
     let mut cost = [[0u16; LOCAL_SIDE]; LOCAL_SIDE];
     for down in 0..=2 * REACH_MAX {
@@ -70,7 +88,7 @@ mod tests {
 
     fn cost_of(occupancy: &[u8; LOCAL_CELLS], age: &[u8; LOCAL_CELLS]) -> [u8; LOCAL_CELLS] {
         let mut out = [0; LOCAL_CELLS];
-        planning_cost(occupancy, age, HALF_WIDTH_M, &mut out);
+        planning_cost(occupancy, age, (HALF_WIDTH_M, 0.0), &mut out);
         out
     }
 
@@ -115,6 +133,24 @@ mod tests {
         assert!(all_unknown.iter().all(|&cost| cost == UNKNOWN_COST));
     }
 
+    /// A hole of unseen floor beside the robot and one beyond what its camera misses; then the near one fades instead.
+    #[test]
+    fn what_is_too_near_to_be_seen_is_kept_off_and_what_is_farther_is_not() {
+        let (near, far) = (LOCAL_GRID.index(0.45, 0.65).unwrap(), LOCAL_GRID.index(1.45, 0.65).unwrap());
+        for (occupancy_of_hole, age_of_hole) in [(128, AGE_NEVER), (120, 9)] {
+            let (mut occupancy, mut age, mut cost) = ([0; LOCAL_CELLS], [0; LOCAL_CELLS], [0; LOCAL_CELLS]);
+            for hole in [near, far] {
+                (occupancy[hole], age[hole]) = (occupancy_of_hole, age_of_hole);
+            }
+            planning_cost(&occupancy, &age, (HALF_WIDTH_M, 1.0), &mut cost);
+            assert_eq!((cost[near], cost[far]), (128, UNKNOWN_COST));
+            // Two cells aside, within the half-width, a plan may not pass; beside the far one it may.
+            assert_eq!((cost[near + 2], cost[far + 2]), (128, 0));
+            planning_cost(&occupancy, &age, (HALF_WIDTH_M, 0.0), &mut cost);
+            assert_eq!((cost[near], cost[near + 2]), (UNKNOWN_COST, 0));
+        }
+    }
+
     #[test]
     fn a_free_cell_that_is_forgotten_never_costs_more_than_the_unknown() {
         for occupancy in 0..128 {
@@ -137,7 +173,7 @@ mod tests {
             let occupancy: [u8; LOCAL_CELLS] = std::array::from_fn(|_| if draw() < 40 { draw() } else { 20 });
             let age: [u8; LOCAL_CELLS] = std::array::from_fn(|_| if draw() < 60 { AGE_NEVER } else { 3 });
             let mut out = [0; LOCAL_CELLS];
-            planning_cost(&occupancy, &age, half_width_m, &mut out);
+            planning_cost(&occupancy, &age, (half_width_m, 0.0), &mut out);
             for c in 0..LOCAL_CELLS {
                 let in_doubt = age[c] == AGE_NEVER || occupancy[c] >= CLEAR_BELOW;
                 let mut expected = if in_doubt { 77.0f32 } else { 0.0 };

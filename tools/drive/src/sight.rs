@@ -58,7 +58,7 @@ impl Surroundings<'_> {
             draw(&solid, &LOCAL_GRID, &mut local.occupancy);
             draw(&solid, &SAFETY_GRID, &mut safety.occupancy);
         }
-        planning_cost(&local.occupancy, &local.age, self.half_width_m, &mut local.planning_cost);
+        planning_cost(&local.occupancy, &local.age, (self.half_width_m, 0.0), &mut local.planning_cost);
     }
 }
 

@@ -90,7 +90,7 @@ pub fn scene(seed: u64, stream: u64, limits: &Limits, half_width_m: f32) -> Scen
     }
     let (occupancy, age) = measured(&mut random, &canvas, &seen);
     let mut cost = [0; LOCAL_CELLS];
-    planning_cost(&occupancy, &age, half_width_m, &mut cost);
+    planning_cost(&occupancy, &age, (half_width_m, 0.0), &mut cost);
     let (goal_m, goal_cell) = goal(&mut random, &cost);
     Scene { planning_cost: cost, goal_cell, goal_m, twist: twist(&mut random, limits), kind }
 }
