@@ -33,8 +33,8 @@ fn diamond(x: f32, y: f32) -> f32 {
 
 #[inline]
 fn entry(diamond: f32) -> usize {
-    // NaN and whatever rounding does at the ends land inside.
-    (((diamond + 2.0) * PER_UNIT) as usize).min(ENTRIES - 1)
+    // NaN and whatever rounding does at the ends land inside. To i32, since that is one instruction.
+    ((((diamond + 2.0) * PER_UNIT) as i32).max(0) as usize).min(ENTRIES - 1)
 }
 
 impl Fan {

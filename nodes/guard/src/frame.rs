@@ -22,13 +22,12 @@ pub(crate) fn refusal(frame: &DepthFrame, valid_part_min: f32) -> Status {
         return Status::RefusedStamp;
     }
     let pixels = frame.used_pixels();
-    let counted = |test: fn(u16) -> bool| pixels.iter().map(|&raw| u32::from(test(raw))).sum::<u32>();
-    let measured = counted(|raw| raw != 0 && raw != u16::MAX);
+    let measured = pixels.iter().map(|&raw| u32::from(raw != 0 && raw != u16::MAX)).sum::<u32>();
     if measured as f32 >= (valid_part_min * pixels.len() as f32).max(1.0) {
         return Status::Ok;
     }
-    let saturated = counted(|raw| raw == u16::MAX);
-    if 2 * saturated as usize > pixels.len() { Status::RefusedSaturated } else { Status::RefusedEmpty }
+    let saturated = pixels.iter().filter(|&&raw| raw == u16::MAX).count();
+    if 2 * saturated > pixels.len() { Status::RefusedSaturated } else { Status::RefusedEmpty }
 }
 
 /// A frame's camera in `base` of a level robot: `point = eye + depth * ray`.

@@ -70,7 +70,8 @@ impl Tally {
     /// Counts a pixel that is in the way at a range.
     #[inline]
     pub(crate) fn block(&mut self, sector: usize, range_m: f32) {
-        let bin = (range_m * (1.0 / BIN_M)) as usize;
+        // What is negative is a huge bin, and none of these.
+        let bin = (range_m * (1.0 / BIN_M)) as i32 as usize;
         if let Some(count) = self.counts[sector].get_mut(bin) {
             *count = count.saturating_add(1);
         }
