@@ -111,6 +111,7 @@ struct Nodes {
     sim: Option<Entry<sidestep_sim::Config>>,
     player: Option<Entry<sidestep_player::Config>>,
     mapper: Option<Entry<sidestep_mapper::Config>>,
+    guard: Option<Entry<sidestep_guard::Config>>,
     goal: Option<Entry<sidestep_goal::Config>>,
     policy: Option<Entry<sidestep_policy::Config>>,
     expert: Option<Entry<sidestep_expert::Config>>,
@@ -276,6 +277,9 @@ impl Graph {
         let robot_text = read("robot", ROBOTS, &beside(origin, &file.robot))?;
         let robot =
             Robot::from_toml(&file.robot, &robot_text).map_err(|error| Failure::usage(error.to_string()))?;
+        if robot.camera.is_none() && file.nodes.guard.take().is_some() {
+            text = without_guard(origin, &text)?;
+        }
         let nodes = plans(&file, origin)?;
         check(&file.nodes).map_err(|why| Failure::usage(format!("graph {origin}: {why}")))?;
         Ok(Self {
@@ -311,6 +315,16 @@ impl Graph {
         }
         Ok(())
     }
+}
+
+/// The graph of a robot without a camera: its guard would have nothing to look at.
+fn without_guard(origin: &str, text: &str) -> Result<String, Failure> {
+    let refused = |error: &dyn std::fmt::Display| Failure::usage(format!("graph {origin}: {error}"));
+    let mut table: toml::Table = text.parse().map_err(|error: toml::de::Error| refused(&error))?;
+    if let Some(nodes) = table.get_mut("nodes").and_then(toml::Value::as_table_mut) {
+        nodes.remove("guard");
+    }
+    toml::to_string(&table).map_err(|error| refused(&error))
 }
 
 /// Gives a graph without a recorder that of the first built-in graph: who names a folder for recordings wants one.
@@ -359,6 +373,7 @@ fn check(nodes: &Nodes) -> Result<(), String> {
     ask(nodes.sim.as_ref(), sidestep_sim::Config::check)?;
     ask(nodes.player.as_ref(), sidestep_player::Config::check)?;
     ask(nodes.mapper.as_ref(), sidestep_mapper::Config::check)?;
+    ask(nodes.guard.as_ref(), sidestep_guard::Config::check)?;
     ask(nodes.goal.as_ref(), sidestep_goal::Config::check)?;
     ask(nodes.expert.as_ref(), sidestep_expert::Config::check)?;
     ask(nodes.arbiter.as_ref(), sidestep_arbiter::Config::check)?;
@@ -374,6 +389,7 @@ fn plans(file: &File, origin: &str) -> Result<Vec<NodePlan>, Failure> {
         nodes.expert.as_ref().map(|entry| plan("expert", entry)),
         nodes.policy.as_ref().map(|entry| plan("policy", entry)),
         nodes.goal.as_ref().map(|entry| plan("goal", entry)),
+        nodes.guard.as_ref().map(|entry| plan("guard", entry)),
         nodes.mapper.as_ref().map(|entry| plan("mapper", entry)),
         nodes.player.as_ref().map(|entry| plan("player", entry)),
         nodes.sim.as_ref().map(|entry| plan("sim", entry)),

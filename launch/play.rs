@@ -116,7 +116,7 @@ fn check(arguments: &Arguments, file: &Path, info: &Info) -> Result<(), Failure>
     Ok(())
 }
 
-/// Frame periods for which map, goal and proposals may be believed.
+/// Frame periods for which map, goal, proposals and near field may be believed.
 const AGE_FRAMES: f64 = 3.0;
 /// `[Hz]` the frame rate that the age limits of the shipped graphs are made for; slower cameras need longer ones.
 const AGE_RATE_HZ: f64 = 30.0;
@@ -129,5 +129,7 @@ fn ages(info: &Info) -> Vec<String> {
         return Vec::new();
     };
     let age_s = AGE_FRAMES / rate_hz;
-    ["map", "goal", "proposal"].map(|input| format!("arbiter.{input}_age_s={age_s:.3}")).to_vec()
+    ["map", "goal", "proposal", "near_field"]
+        .map(|input| format!("arbiter.{input}_age_s={age_s:.3}"))
+        .to_vec()
 }

@@ -16,6 +16,7 @@ const ROLES: &[(&str, Role)] = &[
     ("sim", sidestep_sim::run),
     ("player", sidestep_player::run),
     ("mapper", sidestep_mapper::run),
+    ("guard", sidestep_guard::run),
     ("goal", sidestep_goal::run),
     ("policy", sidestep_policy::run),
     ("expert", sidestep_expert::run),

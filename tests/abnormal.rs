@@ -214,7 +214,7 @@ fn abnormal_input_stops_the_robot_and_kills_no_node() {
     }
     driver.until_driving("at the end");
     let (outcome, summary) = driver.end();
-    for node in ["mapper", "goal", "policy", "expert", "arbiter", "recorder"] {
+    for node in ["mapper", "guard", "goal", "policy", "expert", "arbiter", "recorder"] {
         assert_eq!(summary["nodes"][node]["restarts"], 0, "{node}: {}", outcome.err);
         assert_eq!(summary["nodes"][node]["exit"], "exit 0", "{node}: {}", outcome.err);
     }

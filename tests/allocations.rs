@@ -3,10 +3,11 @@
 use sidestep_arbiter::Arbiter;
 use sidestep_expert::Expert;
 use sidestep_goal::Goal;
+use sidestep_guard::Guard;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Header, LocalGoal, LocalMap, Odometry, Path, Proposal, Ranges, Robot, SafetyMap,
-    Status, Winner,
+    Command, DepthFrame, Header, LocalGoal, LocalMap, NearField, Odometry, Path, Proposal, Ranges, Robot,
+    SafetyMap, Status, Winner,
 };
 use sidestep_policy::Policy;
 use sidestep_sim::Simulator;
@@ -55,17 +56,19 @@ fn config<C: serde::de::DeserializeOwned>(node: &str) -> C {
 /// The nodes under test and the messages between them.
 struct Chain {
     mapper: Mapper,
+    guard: Guard,
     goal: Goal,
     expert: Expert,
     policy: Policy,
     arbiter: Arbiter,
     local: Box<LocalMap>,
     safety: Box<SafetyMap>,
+    near: NearField,
     local_goal: LocalGoal,
     proposals: [Proposal; 2],
     command: Command,
-    /// Allocations of mapper, goal, expert and arbiter so far.
-    counts: [u64; 4],
+    /// Allocations of mapper, goal, expert, arbiter and guard so far.
+    counts: [u64; 5],
     /// Allocations of each inference of the policy.
     inferences: Vec<u64>,
 }
@@ -74,16 +77,18 @@ impl Chain {
     fn new(robot: &Robot) -> Self {
         Self {
             mapper: Mapper::new(&config("mapper"), robot).unwrap(),
+            guard: Guard::new(&config("guard"), robot).unwrap(),
             goal: Goal::new(&config("goal"), robot).unwrap(),
             expert: Expert::new(&config("expert"), robot).unwrap(),
             policy: Policy::load(sidestep_policy::embedded(), "embedded", robot).unwrap(),
             arbiter: Arbiter::new(&config("arbiter"), robot, 0).unwrap(),
             local: Box::default(),
             safety: Box::default(),
+            near: NearField::default(),
             local_goal: LocalGoal::default(),
             proposals: [Proposal::default(); 2],
             command: Command::default(),
-            counts: [0; 4],
+            counts: [0; 5],
             inferences: Vec::with_capacity(1000),
         }
     }
@@ -106,6 +111,9 @@ impl Chain {
             self.mapper.write_local(&mut self.local);
             self.mapper.write_safety(&mut self.safety);
         });
+        self.counts[4] += allocations(|| {
+            self.guard.step(depth, &mut self.near);
+        });
         let mut status = Status::Ok;
         self.counts[1] += allocations(|| {
             self.goal.path(path);
@@ -120,6 +128,7 @@ impl Chain {
             self.expert.plan(&self.local, &self.local_goal, status, None, by_expert);
         });
         self.counts[3] += allocations(|| {
+            self.arbiter.near_field(&self.near);
             self.arbiter.safety_map(&self.safety, header);
             self.arbiter.local_goal(&self.local_goal, header);
             self.arbiter.proposal(Winner::Policy, by_policy, header);
@@ -155,5 +164,5 @@ fn no_step_allocates_and_the_policy_a_constant() {
     let settled = &chain.inferences[10..];
     eprintln!("allocations per inference of the policy: {}", settled[0]);
     assert!(settled.iter().all(|&count| count == settled[0]), "{:?}", chain.inferences);
-    assert_eq!(chain.counts, [0; 4], "mapper, goal, expert, arbiter");
+    assert_eq!(chain.counts, [0; 5], "mapper, goal, expert, arbiter, guard");
 }

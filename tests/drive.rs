@@ -15,7 +15,7 @@ fn has_all_keys(summary: &Value) {
             assert!(summary["topics"][topic][key].is_u64(), "topics.{topic}.{key} in {summary:#}");
         }
     }
-    for node in ["sim", "mapper", "goal", "policy", "expert", "arbiter", "recorder"] {
+    for node in ["sim", "mapper", "guard", "goal", "policy", "expert", "arbiter", "recorder"] {
         for key in ["restarts", "exit", "cpu_s", "pss_mb"] {
             assert!(!summary["nodes"][node][key].is_null(), "nodes.{node}.{key} in {summary:#}");
         }

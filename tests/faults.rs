@@ -8,7 +8,7 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::time::Duration;
 
-const NODES: &[&str] = &["sim", "mapper", "goal", "policy", "expert", "arbiter", "recorder"];
+const NODES: &[&str] = &["sim", "mapper", "guard", "goal", "policy", "expert", "arbiter", "recorder"];
 /// SplitMix64: the seed is printed by its user.
 struct Random(u64);
 
@@ -239,6 +239,11 @@ fn stops_in_time(nodes: &[&str], reasons: &[Reason]) {
 #[test]
 fn a_hung_mapper_stops_the_robot_and_is_replaced() {
     stops_in_time(&["mapper"], &[Reason::StaleMap]);
+}
+
+#[test]
+fn a_hung_guard_stops_the_robot_and_is_replaced() {
+    stops_in_time(&["guard"], &[Reason::StaleNearField]);
 }
 
 #[test]

@@ -18,6 +18,7 @@ const TOPICS: &[&str] = &[
     "depth",
     "path",
     "truth",
+    "near_field",
     "local_map",
     "safety_map",
     "local_goal",
@@ -65,9 +66,8 @@ fn two_drives_of_one_seed_record_the_same_bytes() {
             let least = match *name {
                 "path" => 1,
                 "ranges" => 80,
-                "depth" | "local_map" | "safety_map" | "local_goal" | "policy_command" | "expert_command" => {
-                    100
-                }
+                "depth" | "near_field" | "local_map" | "safety_map" | "local_goal" | "policy_command"
+                | "expert_command" => 100,
                 _ => 400,
             };
             assert!(

@@ -51,7 +51,8 @@ fn a_drive_with_every_node_killed_once_replays_byte_for_byte_under_each_lead() {
     let _alone = Alone::wait();
     for lead in ["policy", "refined"] {
         let folder = Folder::new("replay");
-        let file = recorded(&folder, lead, "18s", &["mapper", "goal", "policy", "expert", "arbiter"]);
+        let file =
+            recorded(&folder, lead, "18s", &["mapper", "guard", "goal", "policy", "expert", "arbiter"]);
         let (outcome, report) = replay(&file, &[]);
         is_exact(&outcome, &report);
         for (name, node) in report["nodes"].as_array().unwrap().iter().map(|node| (&node[0], &node[1])) {

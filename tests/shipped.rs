@@ -22,6 +22,7 @@ fn same<C: DeserializeOwned + PartialEq + Debug>(node: &str, shipped: &C) {
 #[test]
 fn every_graph_has_the_shipped_configuration_of_every_node() {
     same("mapper", &sidestep_mapper::Config::shipped());
+    same("guard", &sidestep_guard::Config::STANDARD);
     same("goal", &sidestep_goal::Config::STANDARD);
     same("expert", &sidestep_expert::Config::STANDARD);
     same("arbiter", &sidestep_arbiter::Config::STANDARD);

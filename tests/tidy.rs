@@ -192,7 +192,7 @@ fn documents_describe_the_present_and_stay_short() {
 #[test]
 fn every_node_has_the_same_rooms() {
     let mut places = Vec::new();
-    for node in ["mapper", "goal", "policy", "expert", "arbiter", "sim", "recorder", "player"] {
+    for node in ["mapper", "guard", "goal", "policy", "expert", "arbiter", "sim", "recorder", "player"] {
         for file in ["README.md", "src/lib.rs", "src/config.rs", "src/node.rs"] {
             let path = format!("nodes/{node}/{file}");
             if !Path::new(ROOT).join(&path).exists() {

@@ -11,7 +11,7 @@ pub const NEAR_SECTORS: usize = 64;
 record! {
     /// One depth image with everything needed to place it in the world.
     ///
-    /// Frame: pixels in `camera` (optical), the camera in `body`. Writer: the depth driver. Reader: `mapper`.
+    /// Frame: pixels in `camera` (optical), the camera in `body`. Writer: the depth driver. Readers: `mapper`, `guard`.
     pub struct DepthFrame("sidestep/DepthFrame/1") {
         /// `[ns]` graph time of the exposure; a driver that stamps on arrival subtracts its capture latency first.
         pub capture_ns: u64,
@@ -45,7 +45,7 @@ record! {
     ///
     /// Frame: `base`. Writer: `guard`. Reader: `arbiter`.
     pub struct NearField("sidestep/NearField/1") {
-        /// `[ns]` graph time of the exposure.
+        /// `[ns]` graph time of the exposure; 0 = the frame was refused and nothing was seen.
         pub capture_ns: u64,
         /// `[m]` nearest range per sector, sector 0 at the left edge of the view; infinite = nothing, NaN = not seen.
         pub range_m: [f32; NEAR_SECTORS],

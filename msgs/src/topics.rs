@@ -110,7 +110,7 @@ topics! {
     /// Ultrasonic sensors.
     RANGES: Ranges = 2 "ranges" by "driver" at 20.0 Hz, buffer 32, borrow 2, history 1, readers 6;
     /// Depth frames.
-    DEPTH: DepthFrame = 3 "depth" by "driver" at 30.0 Hz, buffer 4, borrow 1, history 0, readers 6;
+    DEPTH: DepthFrame = 3 "depth" by "driver" at 30.0 Hz, buffer 4, borrow 1, history 0, readers 7;
     /// Lidar sweeps.
     SCAN: Scan = 4 "scan" by "driver" at 30.0 Hz, buffer 8, borrow 1, history 0, readers 4;
     /// Path to follow.
@@ -124,7 +124,7 @@ topics! {
     /// Emergency stop, reset, hold, resume.
     ESTOP: Estop = 9 "estop" by "operator" at 0.0 Hz, buffer 16, borrow 2, history 0, readers 4;
     /// Nearest ranges straight from depth.
-    NEAR_FIELD: NearField = 10 "near_field" by "guard" at 30.0 Hz, buffer 16, borrow 2, history 1, readers 4;
+    NEAR_FIELD: NearField = 10 "near_field" by "guard" at 30.0 Hz, buffer 16, borrow 2, history 1, readers 6;
     /// The map to plan on.
     LOCAL_MAP: LocalMap = 11 "local_map" by "mapper" at 30.0 Hz, buffer 16, borrow 2, history 1, readers 8;
     /// The map to be safe with.

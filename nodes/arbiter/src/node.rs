@@ -7,7 +7,7 @@ use crate::{Arbiter, Config};
 use inlets::Inlets;
 use sidestep_bus::{Boot, Link, NodeError, Outbox, Step};
 use sidestep_msgs::{
-    ArbiterState, COMMAND, EXPERT_COMMAND, POLICY_COMMAND, SAFETY_MAP, STATE_ARBITER, Stage,
+    ArbiterState, COMMAND, EXPERT_COMMAND, NEAR_FIELD, POLICY_COMMAND, SAFETY_MAP, STATE_ARBITER, Stage,
 };
 use std::time::Duration;
 
@@ -45,6 +45,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     link.wake_on(EXPERT_COMMAND)?;
     if boot.is_lockstep()? {
         link.wake_on(SAFETY_MAP)?;
+        link.wake_on(NEAR_FIELD)?;
     }
     link.tick_every(Duration::from_millis(10))?;
     let mut birth = Step::new();

@@ -8,7 +8,7 @@ use crate::step::Step;
 use sidestep_msgs::{Health, health_topic};
 
 /// Whoever must beat before a driver begins, as far as the graph has them.
-const AWAITED: &[&str] = &["mapper", "goal", "policy", "expert", "arbiter", "recorder"];
+const AWAITED: &[&str] = &["mapper", "guard", "goal", "policy", "expert", "arbiter", "recorder"];
 
 /// Nodes of the graph that did not beat yet.
 #[derive(Debug)]

@@ -10,7 +10,7 @@ use crate::link::Link;
 use crate::step::Step;
 use sidestep_msgs::{
     Command, EXPERT_COMMAND, HEALTH_RECORDER, Header, Health, LOCAL_GOAL, LOCAL_MAP, LocalGoal, LocalMap,
-    POLICY_COMMAND, Proposal, SAFETY_MAP, SafetyMap,
+    NEAR_FIELD, NearField, POLICY_COMMAND, Proposal, SAFETY_MAP, SafetyMap,
 };
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -67,6 +67,8 @@ pub struct Answers {
     recorder: Option<Behind>,
     maps: Inbox<LocalMap>,
     safety: Inbox<SafetyMap>,
+    /// Where the graph has a guard.
+    near: Option<Inbox<NearField>>,
     goals: Inbox<LocalGoal>,
     policy: Inbox<Proposal>,
     expert: Inbox<Proposal>,
@@ -92,6 +94,7 @@ impl Answers {
             recorder,
             maps: link.inbox(LOCAL_MAP, Keep::Newest)?,
             safety: link.inbox(SAFETY_MAP, Keep::Newest)?,
+            near: boot.has_node("guard")?.then(|| link.inbox(NEAR_FIELD, Keep::Newest)).transpose()?,
             goals: link.inbox(LOCAL_GOAL, Keep::Newest)?,
             policy: link.inbox(POLICY_COMMAND, Keep::Newest)?,
             expert: link.inbox(EXPERT_COMMAND, Keep::Newest)?,
@@ -143,9 +146,14 @@ impl Answers {
 
     /// The first node on the way that did not speak of a frame.
     fn silent(&mut self, step: &mut Step, frame: u64) -> Result<&'static str, NodeError> {
+        let near = match &mut self.near {
+            Some(near) => near.newest(step)?.map(|message| message.header().source_frame),
+            None => Some(frame),
+        };
         let newest = [
             ("mapper", self.maps.newest(step)?.map(|message| message.header().source_frame)),
             ("mapper", self.safety.newest(step)?.map(|message| message.header().source_frame)),
+            ("guard", near),
             ("goal", self.goals.newest(step)?.map(|message| message.header().source_frame)),
             ("policy", self.policy.newest(step)?.map(|message| message.header().source_frame)),
             ("expert", self.expert.newest(step)?.map(|message| message.header().source_frame)),

@@ -147,13 +147,18 @@ impl Step {
 
     /// Makes the outputs of this step about the frame of an input, and carries its stamps on.
     pub fn follow(&mut self, input: &Header, stage: Stage) {
+        self.about(input);
+        self.stage = Some(stage);
+    }
+
+    /// As [`Step::follow`], for a node that is no stage of the way from frame to command.
+    pub fn about(&mut self, input: &Header) {
         self.source_frame = input.source_frame;
         for (mine, theirs) in self.stages.iter_mut().zip(&input.stages) {
             if theirs.send_ns != 0 {
                 *mine = *theirs;
             }
         }
-        self.stage = Some(stage);
     }
 
     /// Makes the outputs of this step about a frame without an input to follow: drivers, and stops of the arbiter.

@@ -5,10 +5,12 @@ use crate::sight::{Sight, Surroundings};
 use sidestep_arbiter::{Arbiter, Lead};
 use sidestep_expert::Expert;
 use sidestep_goal::Goal;
+use sidestep_guard::Guard;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Estop, EstopAction, Header, Limits, LocalGoal, LocalMap, NO_CELL, Odometry, Path,
-    Proposal, Ranges, Reason, SafetyMap, Scan, Status, Twist, VALID_FOR_NS, Winner, clamp_to_window,
+    Command, DepthFrame, Estop, EstopAction, Header, Limits, LocalGoal, LocalMap, NO_CELL, NearField,
+    Odometry, Path, Proposal, Ranges, Reason, SafetyMap, Scan, Status, Twist, VALID_FOR_NS, Winner,
+    clamp_to_window,
 };
 use sidestep_policy::Policy;
 
@@ -26,9 +28,10 @@ pub(crate) enum Image<'a> {
     Known(&'a Surroundings<'a>),
 }
 
-/// Mapper, goal, policy, expert and arbiter with their last messages.
+/// Mapper, guard, goal, policy, expert and arbiter with their last messages.
 pub struct Chain {
     mapper: Option<Mapper>,
+    guard: Option<Guard>,
     goal: Goal,
     expert: Expert,
     policy: Option<Policy>,
@@ -43,6 +46,7 @@ pub struct Chain {
     frames: u64,
     local: LocalMap,
     safety: Box<SafetyMap>,
+    near: NearField,
     local_goal: LocalGoal,
     proposals: [Proposal; 2],
     statuses: [Status; 4],
@@ -64,8 +68,11 @@ impl Chain {
             Sight::Camera => Some(Mapper::new(&setup.mapper, robot).map_err(|error| refused(&error))?),
             Sight::Grid => None,
         };
+        let guarded = setup.sight == Sight::Camera && robot.camera.is_some();
+        let guard = setup.guard.filter(|_| guarded).map(|config| Guard::new(&config, robot)).transpose();
         Ok(Self {
             mapper,
+            guard: guard.map_err(|error| refused(&error))?,
             goal: Goal::new(&setup.goal, robot).map_err(|error| refused(&error))?,
             expert: Expert::new(&setup.expert, robot).map_err(|error| refused(&error))?,
             policy: setup.policy.take(),
@@ -80,6 +87,7 @@ impl Chain {
             frames: 0,
             local: LocalMap::default(),
             safety: Box::default(),
+            near: NearField::default(),
             local_goal: LocalGoal::default(),
             proposals: [Proposal::default(); 2],
             statuses: [Status::NoMap; 4],
@@ -151,6 +159,10 @@ impl Chain {
             (policy_out.twist, expert_out.twist) = (twist, twist);
         }
         let about = |status| header(self.frames, self.frames, now_ns, status);
+        if let (Image::Depth(frame), Some(guard)) = (image, &mut self.guard) {
+            guard.step(frame, &mut self.near);
+            self.arbiter.near_field(&self.near);
+        }
         self.arbiter.safety_map(&self.safety, &about(status));
         self.arbiter.local_goal(&self.local_goal, &about(goal_status));
         if self.policy.is_some() {

@@ -65,6 +65,8 @@ pub struct Setup {
     pub sim: sidestep_sim::Config,
     /// Configuration of the mapper.
     pub mapper: sidestep_mapper::Config,
+    /// Configuration of the depth guard; without it, as for a robot without a camera, nobody guards.
+    pub guard: Option<sidestep_guard::Config>,
     /// Configuration of the goal.
     pub goal: sidestep_goal::Config,
     /// Configuration of the expert.
@@ -94,6 +96,7 @@ impl Setup {
             world,
             sim: sidestep_sim::Config::default(),
             mapper: sidestep_mapper::Config::shipped(),
+            guard: Some(sidestep_guard::Config::STANDARD),
             goal: sidestep_goal::Config::STANDARD,
             expert: sidestep_expert::Config::STANDARD,
             arbiter: sidestep_arbiter::Config { lead, ..sidestep_arbiter::Config::STANDARD },

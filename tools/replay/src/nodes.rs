@@ -6,12 +6,13 @@ use crate::settings::Settings;
 use bytemuck::bytes_of;
 use sidestep_arbiter::Arbiter;
 use sidestep_goal::Goal;
+use sidestep_guard::Guard;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
     ARBITER_STATE_BYTES, COMMAND, Code, Command, DEPTH, DepthFrame, ESTOP, EXPERT_COMMAND, GOAL_STATE_BYTES,
-    Header, LOCAL_GOAL, LOCAL_MAP, LocalGoal, LocalMap, MAPPER_STATE_BYTES, Message, NEAR_FIELD, ODOMETRY,
-    PATH, POLICY_COMMAND, RANGES, SAFETY_MAP, SCAN, STATE_ARBITER, STATE_GOAL, STATE_MAPPER, SafetyMap,
-    Status, TARGET, TELEOP, Winner,
+    Header, LOCAL_GOAL, LOCAL_MAP, LocalGoal, LocalMap, MAPPER_STATE_BYTES, Message, NEAR_FIELD, NearField,
+    ODOMETRY, PATH, POLICY_COMMAND, RANGES, SAFETY_MAP, SCAN, STATE_ARBITER, STATE_GOAL, STATE_MAPPER,
+    SafetyMap, Status, TARGET, TELEOP, Winner,
 };
 use sidestep_player::Entry;
 
@@ -63,6 +64,12 @@ pub(crate) const KINDS: &[Kind] = &[
         outputs: &[LOCAL_MAP.index, SAFETY_MAP.index],
         state: Some(STATE_MAPPER.index),
         make: |settings| Ok(Box::new(MapperAgain::new(settings)?)),
+    },
+    Kind {
+        name: "guard",
+        outputs: &[NEAR_FIELD.index],
+        state: None,
+        make: |settings| Ok(Box::new(GuardAgain::new(settings)?)),
     },
     Kind {
         name: "goal",
@@ -168,6 +175,38 @@ impl Again for MapperAgain {
     fn state(&self) -> Vec<u8> {
         written(MAPPER_STATE_BYTES, |bytes| self.mapper.state(bytes))
     }
+}
+
+struct GuardAgain {
+    guard: Guard,
+    depth: Box<DepthFrame>,
+    /// The frame of this step.
+    frame: Option<u64>,
+}
+
+impl GuardAgain {
+    fn new(settings: &Settings) -> Result<Self, ReplayError> {
+        let config = settings.graph.config("guard").map_err(|error| refused(&error))?;
+        let guard = Guard::new(&config, &settings.robot).map_err(|error| refused(&error))?;
+        Ok(Self { guard, depth: bytemuck::allocation::zeroed_box(), frame: None })
+    }
+}
+
+impl Again for GuardAgain {
+    fn take(&mut self, entry: &Entry) {
+        if entry.read_into(DEPTH, &mut self.depth) {
+            self.frame = Some(entry.header.source_frame);
+        }
+    }
+
+    fn step(&mut self, _recorded: &Entry) -> Option<Vec<Output>> {
+        let frame = self.frame.take()?;
+        let mut out = NearField::default();
+        let status = self.guard.step(&self.depth, &mut out);
+        Some(vec![Output::new(NEAR_FIELD.index, frame, status, &out)])
+    }
+
+    fn reset(&mut self) {}
 }
 
 struct GoalAgain {

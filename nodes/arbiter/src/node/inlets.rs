@@ -26,6 +26,9 @@ pub(super) struct Inlets {
     pair: bool,
     /// Whether the policy leads.
     policy_leads: bool,
+    /// Whether the graph has a guard, and the newest frame that it spoke of.
+    guarded: bool,
+    guard_frame: u64,
 }
 
 impl Inlets {
@@ -33,6 +36,8 @@ impl Inlets {
         Ok(Self {
             pair: boot.has_node("policy")? && boot.has_node("expert")?,
             policy_leads: boot.lead_winner()? == Winner::Policy,
+            guarded: boot.has_node("guard")?,
+            guard_frame: 0,
             odometry: link.inbox(ODOMETRY, Keep::Newest)?,
             ranges: link.inbox(RANGES, Keep::Newest)?,
             teleop: link.inbox(TELEOP, Keep::Newest)?,
@@ -47,11 +52,17 @@ impl Inlets {
         })
     }
 
-    /// Hands over what came; whether a new frame of the lead is to be answered: in lockstep, with map and both proposals.
+    /// Hands over what came; whether a new frame of the lead is to be answered: in lockstep, with near
+    /// field, map and both proposals.
     pub(super) fn take(&mut self, step: &mut Step, arbiter: &mut Arbiter) -> Result<bool, NodeError> {
         let lead = if self.policy_leads { &self.policy } else { &self.expert };
         let on_the_way = || {
-            Ok::<_, NodeError>(self.maps.has_news()? || self.policy.has_news()? || self.expert.has_news()?)
+            Ok::<_, NodeError>(
+                self.near_field.has_news()?
+                    || self.maps.has_news()?
+                    || self.policy.has_news()?
+                    || self.expert.has_news()?,
+            )
         };
         let news = if step.is_lockstep() { on_the_way()? } else { lead.has_news()? };
         if !step.is_tick() && !news {
@@ -63,7 +74,10 @@ impl Inlets {
         self.ranges.newest(step)?.inspect(|message| arbiter.ranges(message));
         self.teleop.newest(step)?.inspect(|message| arbiter.teleop(message));
         self.estop.each(step, |message, _| arbiter.estop(message))?;
-        self.near_field.newest(step)?.inspect(|message| arbiter.near_field(message));
+        if let Some(field) = self.near_field.newest(step)? {
+            arbiter.near_field(&field);
+            self.guard_frame = field.header().source_frame;
+        }
         if let Some(map) = self.maps.newest(step)? {
             arbiter.safety_map(&map, map.header());
             self.seen[0] = *map.header();
@@ -77,7 +91,8 @@ impl Inlets {
             }
         }
         let [map, policy, expert] = self.seen.map(|header| header.source_frame);
-        let complete = (!self.pair || policy == expert) && map == policy.max(expert);
+        let watched = !self.guarded || self.guard_frame == map;
+        let complete = (!self.pair || policy == expert) && map == policy.max(expert) && watched;
         Ok((complete || !step.is_lockstep()) && std::mem::take(&mut self.waiting))
     }
 }
