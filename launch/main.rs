@@ -5,6 +5,7 @@ mod child;
 mod compare;
 mod external;
 mod failure;
+mod falsify;
 mod init;
 mod interface;
 mod keyboard;
@@ -146,6 +147,8 @@ enum Commands {
     Navigate(navigate::NavigateArguments),
     /// Drives the expert with each weight of eq. (6) halved and doubled.
     Tune(navigate::TuneArguments),
+    /// Looks for a way to make the robot touch something in spite of the arbiter.
+    Falsify(falsify::FalsifyArguments),
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
     Interface {
@@ -318,6 +321,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Evaluate(arguments) => learning::evaluate(arguments),
         Commands::Navigate(arguments) => navigate::navigate(&arguments),
         Commands::Tune(arguments) => navigate::tune(&arguments),
+        Commands::Falsify(arguments) => falsify::falsify(&arguments),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());

@@ -104,4 +104,7 @@ fn what_cannot_be_learned_from_is_refused_with_what_is_needed() {
     refused(&["navigate"], 2, &["nothing to drive"]);
     refused(&["navigate", "--rooms", "1", "--model", &cut], 3, &["navigate"]);
     refused(&["tune", "--rooms", "0"], 2, &["needed: at least 1"]);
+    refused(&["falsify", "--evaluations", "0"], 2, &["needed: at least 1"]);
+    refused(&["falsify", "--relax", "gravity"], 2, &["gravity", "needed: brake, dead_time"]);
+    refused(&["falsify", "--case", "inside:00"], 2, &["needed: NAME:DIGITS"]);
 }

@@ -237,7 +237,13 @@ impl Arbiter {
         if memory.begun == 0 {
             memory.begun = 1;
             if memory.restarted != 0 {
-                memory.last = Motion::steady(self.limiter.bounded(memory.inputs.odometry.twist));
+                // What an earlier life told the base is not known. A base that brakes is faster than it was told, by its
+                // lag, and the measurement is older still: to begin from what was measured would speed it up again.
+                let measured = Motion::steady(self.limiter.bounded(memory.inputs.odometry.twist));
+                let age_s = memory.inputs.odometry_stamps.age_s(now_ns).min(self.config.odometry_age_s);
+                let actuator = &self.robot.actuator;
+                let late_s = age_s + actuator.dead_time_max_s + actuator.lag_s;
+                memory.last = self.limiter.brake(&measured, late_s, false);
             }
             return TICK_S;
         }

@@ -151,7 +151,9 @@ mod tests {
 
     #[test]
     fn every_twelfth_world_of_the_sorted_list_loads_and_its_path_is_free() {
-        let Some(data) = crate::data_folder("every_twelfth_world_of_the_sorted_list_loads") else { return };
+        let Some(data) = crate::fixtures::data_folder("every_twelfth_world_of_the_sorted_list_loads") else {
+            return;
+        };
         let numbers = crate::barn_selection(&data.join("barn"), 12).unwrap();
         assert_eq!(numbers.len(), 20);
         let worlds = barn_worlds(&data.join("barn/worlds.tar.xz"), |n| numbers.contains(&n)).unwrap();

@@ -92,7 +92,7 @@ fn fenced(length: f64, width: f64) -> World {
 fn obstacle(random: &mut Random, centre: [f64; 2], size: [f64; 2]) -> Solid {
     let yaw = random.between(0.0, std::f64::consts::PI);
     let top = random.between(0.15, 1.2);
-    match random.next() % 4 {
+    match random.bits() % 4 {
         0 => Solid::column(centre, 0.5 * size[0].min(size[1]), [0.0, top]),
         1 => Solid::column(centre, 0.02, [0.0, 1.5]),
         _ => Solid::block(centre, size, yaw, [0.0, top]),

@@ -7,6 +7,7 @@
 mod barn;
 mod base;
 mod config;
+mod drawing;
 #[cfg(test)]
 mod fixtures;
 mod generated;
@@ -30,20 +31,12 @@ mod world_file;
 
 pub use barn::{barn_selection, barn_worlds};
 pub use config::{Config, ConfigError};
+pub use drawing::{draw, seen_from};
 pub use node::run;
 pub use office::FREE_M;
 pub use people::Walker;
+pub use random::{Random, mix};
 pub use simulator::Simulator;
 pub use solid::{Outline, Solid};
 pub use timeline::{BEGIN_NS, Event, TICK_NS, TICKS_PER_RANGES, Timeline};
 pub use world::{CLEARANCE_MAX_M, World, WorldError, resample};
-
-/// The folder of real data, or `None` with a line that says so.
-#[cfg(test)]
-fn data_folder(test: &str) -> Option<std::path::PathBuf> {
-    let folder = std::env::var_os("SIDESTEP_DATA").map(std::path::PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: SIDESTEP_DATA is not set ({test})");
-    }
-    folder
-}

@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn the_maps_of_the_data_folder_load() {
-        let Some(data) = crate::data_folder("the_maps_of_the_data_folder_load") else { return };
+        let Some(data) = crate::fixtures::data_folder("the_maps_of_the_data_folder_load") else { return };
         for (name, least) in [("mrpb/maps/office02", 50), ("mrpb/maps/maze", 50), ("nav2", 50)] {
             let file = if name == "nav2" { "tb3_sandbox.yaml" } else { "map.yaml" };
             let path = data.join("maps").join(name).join(file);

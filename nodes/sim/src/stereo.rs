@@ -90,7 +90,7 @@ impl Stereo {
             };
             fatten(rows.here, &mut fat[..width]);
             chance_of_loss(&rows, view.focal[0], &mut lost[..width]);
-            let drawn = random.next() as usize;
+            let drawn = random.bits() as usize;
             let noise = &self.noise[drawn % (TABLE - WIDTH_MAX)..][..width];
             let chance = &self.chance[(drawn >> 20) % (TABLE - WIDTH_MAX)..][..width];
             self.row(&fat[..width], &lost[..width], noise, chance, line);

@@ -2,7 +2,7 @@
 
 use crate::fixture::{MS, Stage, TICK, loomo};
 use crate::{Arbiter, Config, Resume};
-use sidestep_msgs::{Command, Estop, EstopAction, Reason, Twist, Winner};
+use sidestep_msgs::{Command, Estop, EstopAction, Reason, Status, Twist, Winner};
 
 const FORWARD: Twist = Twist::new(0.5, 0.0);
 
@@ -43,7 +43,7 @@ fn a_policy_in_doubt_gives_way_and_without_the_other_it_drives() {
     let mut stage = Stage::new(&Config { doubt_limit_m_s: 0.1, ..Config::STANDARD }, &[]);
     stage.wish = FORWARD;
     let doubtful = |stage: &mut Stage, doubt_v_m_s: f32| {
-        let (mut proposal, header) = (stage.proposal(), stage.header(sidestep_msgs::Status::Ok));
+        let (mut proposal, header) = (stage.proposal(), stage.header(Status::Ok));
         proposal.doubt_v_m_s = doubt_v_m_s;
         stage.arbiter.proposal(Winner::Policy, &proposal, &header);
         stage.tick()
@@ -114,13 +114,33 @@ fn a_restarted_arbiter_takes_over_the_speed_of_the_base_and_brakes_within_limits
     let config = Config { resume: Resume::Operator, ..Config::STANDARD };
     let mut stage = Stage::of(&config, loomo(), &[], 3);
     (stage.wish, stage.twist) = (FORWARD, Twist::new(0.6, 0.0));
-    let mut before = 0.6;
+    // The first command is what a braking base that was measured at 0.6 may have been told: dead time and lag below it.
+    let a = stage.robot.actuator;
+    let mut before = 0.6 - stage.robot.limits.brake_m_s2 * (a.dead_time_max_s + a.lag_s);
     while stage.command.reason != Reason::AwaitOperator as u32 {
         let v = stage.tick().twist.v_m_s;
         assert!(before - v <= 0.0051 && v <= before, "{before} {v}");
         before = v;
     }
     assert!(stage.twist.v_m_s.abs() < 0.03);
+}
+
+/// The arbiter dies in the middle of a brake, on bases of every dead time; its successor knows only what is measured.
+#[test]
+fn a_restart_while_braking_never_speeds_the_base_up_again() {
+    for dead_ms in [20, 50, 80] {
+        let mut stage = Stage::new(&Config::STANDARD, &[]);
+        stage.dead_ns = dead_ms * crate::fixture::MS;
+        stage.wish = Twist::new(0.8, 0.4);
+        stage.ticks(200);
+        stage.goal_status = Status::Arrived;
+        let told = stage.ticks(40).twist;
+        stage.arbiter = Arbiter::new(&Config::STANDARD, &stage.robot, 1).unwrap();
+        let first = stage.tick().twist;
+        assert!(stage.twist.v_m_s > told.v_m_s, "the base lags: {:?} {told:?}", stage.twist);
+        assert!(first.v_m_s <= told.v_m_s && first.v_m_s > 0.0, "{dead_ms} ms: {first:?} after {told:?}");
+        assert!((first.w_rad_s - 0.5 * first.v_m_s).abs() < 0.02, "{dead_ms} ms: {first:?} leaves the curve");
+    }
 }
 
 #[test]
