@@ -3,8 +3,10 @@
 mod bags;
 mod child;
 mod compare;
+mod doctor;
 mod external;
 mod failure;
+mod identify;
 mod init;
 mod interface;
 mod keyboard;
@@ -25,6 +27,8 @@ mod replay;
 mod report;
 mod roles;
 mod run;
+mod silence;
+mod stick;
 mod supervisor;
 mod watched;
 
@@ -146,6 +150,10 @@ enum Commands {
     Navigate(navigate::NavigateArguments),
     /// Drives the expert with each weight of eq. (6) halved and doubled.
     Tune(navigate::TuneArguments),
+    /// Checks machine, installation and base before a drive.
+    Doctor(doctor::DoctorArguments),
+    /// Measures dead time, lag, braking and steady error of the base: in a recorded drive, or by driving steps.
+    Identify(identify::IdentifyArguments),
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
     Interface {
@@ -318,6 +326,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Evaluate(arguments) => learning::evaluate(arguments),
         Commands::Navigate(arguments) => navigate::navigate(&arguments),
         Commands::Tune(arguments) => navigate::tune(&arguments),
+        Commands::Doctor(arguments) => doctor::doctor(&arguments),
+        Commands::Identify(arguments) => identify::identify(&arguments),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());
