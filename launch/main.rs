@@ -3,9 +3,11 @@
 mod bags;
 mod child;
 mod compare;
+mod doctor;
 mod external;
 mod failure;
 mod falsify;
+mod identify;
 mod init;
 mod interface;
 mod keyboard;
@@ -26,6 +28,8 @@ mod replay;
 mod report;
 mod roles;
 mod run;
+mod silence;
+mod stick;
 mod supervisor;
 mod watched;
 
@@ -149,6 +153,10 @@ enum Commands {
     Tune(navigate::TuneArguments),
     /// Looks for a way to make the robot touch something in spite of the arbiter.
     Falsify(falsify::FalsifyArguments),
+    /// Checks machine, installation and base before a drive.
+    Doctor(doctor::DoctorArguments),
+    /// Measures dead time, lag, braking and steady error of the base: in a recorded drive, or by driving steps.
+    Identify(identify::IdentifyArguments),
     /// Prints message layouts for other languages.
     #[command(group(clap::ArgGroup::new("language").required(true)))]
     Interface {
@@ -322,6 +330,8 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Navigate(arguments) => navigate::navigate(&arguments),
         Commands::Tune(arguments) => navigate::tune(&arguments),
         Commands::Falsify(arguments) => falsify::falsify(&arguments),
+        Commands::Doctor(arguments) => doctor::doctor(&arguments),
+        Commands::Identify(arguments) => identify::identify(&arguments),
         Commands::Interface { c, .. } => {
             let language = if c { interface::Language::C } else { interface::Language::Python };
             output::line(interface::print(language).trim_end());

@@ -59,3 +59,5 @@ mod play;
 mod compare;
 // Learning as a user meets it: data set, training, evaluation, closed loops.
 mod learning;
+// What a base really does: step tests, its watchdog, and the checks before a drive.
+mod identify;
