@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x36d1_c1ec_8636_fdc1,
+        content_hash: 0x04d3_57f9_552d_57a8,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0xc123_f84d_cad5_0727,
+        content_hash: 0xf4e0_a3e4_5f43_4c30,
     },
 ];
 
