@@ -168,12 +168,17 @@ pub(crate) fn give_way(process: libc::pid_t, nice: u8) {
     }
 }
 
-/// Sends a signal to a process that this launcher started.
+/// Sends a signal to a process that this launcher started; it is not yet waited for, so that its number belongs to it.
 pub(crate) fn signal(child: &Child, signal: i32) {
-    // SAFETY: the child is not yet waited for, so its number belongs to it.
-    #[allow(unsafe_code, reason = "std can only kill, and a node must be asked first")]
+    signal_process(child.id() as libc::pid_t, signal);
+}
+
+/// Sends a signal to a process of this user.
+pub(crate) fn signal_process(process: libc::pid_t, signal: i32) {
+    // SAFETY: kill has no memory preconditions.
+    #[allow(unsafe_code, reason = "std can only kill its own children, and a node must be asked first")]
     unsafe {
-        libc::kill(child.id() as libc::pid_t, signal);
+        libc::kill(process, signal);
     }
 }
 

@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::look::{join, only_run, runs};
-use sidestep_bus::{DomainName, Keep, Outbox, Step, host_ns, pause};
-use sidestep_msgs::{COMMAND, Code, ESTOP, Estop, EstopAction, Reason, Stage, TELEOP, Teleop};
+use sidestep_bus::{DomainName, Keep, Link, Outbox, Step, host_ns, pause};
+use sidestep_msgs::{COMMAND, Code, ESTOP, Estop, EstopAction, Reason, Stage, TELEOP, Teleop, Twist};
 use std::time::Duration;
 
 /// `[ns]` time the arbiter has to acknowledge.
@@ -66,7 +66,7 @@ fn say_to(run: &DomainName, action: EstopAction) -> Result<String, Failure> {
 }
 
 /// Waits for its turn to write: operators share the topic for one message each.
-fn turn(link: &sidestep_bus::Link) -> Result<Outbox<Estop>, Failure> {
+fn turn(link: &Link) -> Result<Outbox<Estop>, Failure> {
     let until_ns = host_ns() + TURN_NS;
     loop {
         match link.outbox(ESTOP) {
@@ -77,25 +77,47 @@ fn turn(link: &sidestep_bus::Link) -> Result<Outbox<Estop>, Failure> {
     }
 }
 
+/// The stick in an operator's hand; whoever drops it stops wishing, and the arbiter stops the robot.
+pub(crate) struct Wishes {
+    pub(crate) link: Link,
+    pub(crate) step: Step,
+    outbox: Outbox<Teleop>,
+}
+
+impl Wishes {
+    /// Takes the stick of a run.
+    ///
+    /// # Errors
+    /// Exit code 3 where the run cannot be joined or another operator holds the stick.
+    pub(crate) fn take(run: &DomainName) -> Result<Self, Failure> {
+        let link = join(run, "teleop")?;
+        let outbox = link.outbox(TELEOP)?;
+        Ok(Self { link, step: Step::new(), outbox })
+    }
+
+    /// Wishes a velocity, or nothing with the dead man's switch released.
+    ///
+    /// # Errors
+    /// Exit code 3 where the transport fails.
+    pub(crate) fn wish(&mut self, twist: Option<Twist>) -> Result<(), Failure> {
+        self.link.look(&mut self.step)?;
+        let stamp_ns = self.step.now_ns();
+        let (held, dead_man) = (twist.unwrap_or(Twist::STOP), u32::from(twist.is_some()));
+        let wish = Teleop { stamp_ns, v_m_s: held.v_m_s, w_rad_s: held.w_rad_s, dead_man, _pad: 0 };
+        Ok(self.outbox.send(&mut self.step, |teleop| *teleop = wish)?)
+    }
+}
+
 /// Drives with a constant wish while this command runs, the dead man's switch held; releases it at the end.
 ///
 /// # Errors
 /// Exit code 2 where several runs live, 3 where none does or another operator holds the stick.
 pub(crate) fn teleop(v_m_s: f32, w_rad_s: f32, time: Duration) -> Result<(), Failure> {
-    let mut link = join(&only_run()?, "teleop")?;
-    let mut outbox = link.outbox(TELEOP)?;
-    let mut step = Step::new();
+    let mut wishes = Wishes::take(&only_run()?)?;
     let until_ns = host_ns() + time.as_nanos() as u64;
-    let mut wish = |dead_man: u32| -> Result<(), Failure> {
-        link.look(&mut step)?;
-        let stamp_ns = step.now_ns();
-        let (v_m_s, w_rad_s) = if dead_man == 1 { (v_m_s, w_rad_s) } else { (0.0, 0.0) };
-        Ok(outbox
-            .send(&mut step, |teleop| *teleop = Teleop { stamp_ns, v_m_s, w_rad_s, dead_man, _pad: 0 })?)
-    };
     while host_ns() < until_ns {
-        wish(1)?;
+        wishes.wish(Some(Twist::new(v_m_s, w_rad_s)))?;
         pause(WISH_EVERY);
     }
-    wish(0)
+    wishes.wish(None)
 }

@@ -3,6 +3,7 @@
 //! The robot is driven like by an operator, through the arbiter's filter. The launcher takes the halted arbiter for hung
 //! and starts it again within some 0.3 s, and the new one brakes: a base without watchdog rolls no longer than that.
 
+use crate::child::signal_process;
 use crate::failure::Failure;
 use crate::stick::Stick;
 use sidestep_bus::{DomainName, environment, host_ns};
@@ -24,22 +25,14 @@ struct Halted(libc::pid_t);
 
 impl Halted {
     fn new(process: libc::pid_t) -> Self {
-        send(process, libc::SIGSTOP);
+        signal_process(process, libc::SIGSTOP);
         Self(process)
     }
 }
 
 impl Drop for Halted {
     fn drop(&mut self) {
-        send(self.0, libc::SIGCONT);
-    }
-}
-
-fn send(process: libc::pid_t, signal: libc::c_int) {
-    // SAFETY: kill has no memory preconditions.
-    #[allow(unsafe_code, reason = "std can only kill its own children")]
-    unsafe {
-        libc::kill(process, signal);
+        signal_process(self.0, libc::SIGCONT);
     }
 }
 

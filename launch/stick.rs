@@ -1,22 +1,18 @@
 //! An operator who drives through the arbiter's filter and listens to what was sent and what moved.
 
 use crate::failure::Failure;
-use crate::look::join;
-use sidestep_bus::{DomainName, Inbox, Keep, Link, Outbox, Step, host_ns, pause};
+use crate::operator::Wishes;
+use sidestep_bus::{DomainName, Inbox, Keep, host_ns, pause};
 use sidestep_identify::Series;
-use sidestep_msgs::{
-    COMMAND, Code, Command, ODOMETRY, Odometry, Reason, Robot, TELEOP, Teleop, Twist, wrap_angle,
-};
+use sidestep_msgs::{COMMAND, Code, Command, ODOMETRY, Odometry, Reason, Robot, Twist, wrap_angle};
 use std::time::Duration;
 
 /// Pace of wishes and of listening.
 const EVERY: Duration = Duration::from_millis(10);
 
-/// The stick in the operator's hand; whoever drops it stops wishing, and the arbiter stops the robot.
+/// The stick in the operator's hand, with an ear for what comes of it.
 pub(crate) struct Stick {
-    link: Link,
-    step: Step,
-    wishes: Outbox<Teleop>,
+    wishes: Wishes,
     commands: Inbox<Command>,
     odometry: Inbox<Odometry>,
     reason: u32,
@@ -33,11 +29,12 @@ impl Stick {
     /// # Errors
     /// Exit code 3 where the run cannot be joined or another operator holds the stick.
     pub(crate) fn take(run: &DomainName) -> Result<Self, Failure> {
-        let link = join(run, "teleop")?;
-        let (wishes, commands) = (link.outbox(TELEOP)?, link.inbox(COMMAND, Keep::All)?);
-        let (odometry, step, series) = (link.inbox(ODOMETRY, Keep::All)?, Step::new(), Series::default());
+        let wishes = Wishes::take(run)?;
+        let (commands, odometry) =
+            (wishes.link.inbox(COMMAND, Keep::All)?, wishes.link.inbox(ODOMETRY, Keep::All)?);
+        let series = Series::default();
         let (reason, yaw_rad, turned_rad) = (u32::MAX, f64::NAN, 0.0);
-        Ok(Self { link, step, wishes, commands, odometry, reason, yaw_rad, turned_rad, series })
+        Ok(Self { wishes, commands, odometry, reason, yaw_rad, turned_rad, series })
     }
 
     /// Wishes a velocity, or nothing with the dead man's switch released, and takes what came.
@@ -45,18 +42,14 @@ impl Stick {
     /// # Errors
     /// Exit code 3 where the transport fails.
     pub(crate) fn wish(&mut self, twist: Option<Twist>) -> Result<(), Failure> {
-        self.link.look(&mut self.step)?;
-        let stamp_ns = self.step.now_ns();
-        let (held, dead_man) = (twist.unwrap_or(Twist::STOP), u32::from(twist.is_some()));
-        let wish = Teleop { stamp_ns, v_m_s: held.v_m_s, w_rad_s: held.w_rad_s, dead_man, _pad: 0 };
-        self.wishes.send(&mut self.step, |teleop| *teleop = wish)?;
+        self.wishes.wish(twist)?;
         let (series, reason) = (&mut self.series, &mut self.reason);
-        self.commands.each(&mut self.step, |command, header| {
+        self.commands.each(&mut self.wishes.step, |command, header| {
             series.command(command, header.now_ns);
             *reason = command.reason;
         })?;
         let (yaw_rad, turned_rad) = (&mut self.yaw_rad, &mut self.turned_rad);
-        self.odometry.each(&mut self.step, |odometry, _| {
+        self.odometry.each(&mut self.wishes.step, |odometry, _| {
             series.odometry(odometry);
             if yaw_rad.is_finite() {
                 *turned_rad += wrap_angle(odometry.pose.yaw_rad - *yaw_rad);

@@ -23,9 +23,7 @@ fn python() -> Option<String> {
     if command.status().is_ok_and(|status| status.success()) {
         return Some(program);
     }
-    println!(
-        "skipped: {program} has no package iceoryx2; `pip install iceoryx2==0.10.0`, or set SIDESTEP_PYTHON"
-    );
+    println!("skipped: no package iceoryx2; `pip install iceoryx2==0.10.0`, or set SIDESTEP_PYTHON");
     None
 }
 
@@ -344,12 +342,12 @@ fn with_a_base_of_its_own(text: &str) -> String {
         .replace("pose_epoch = link.incarnation", "pose_epoch = 0")
 }
 
-/// Kills the driver of a driving robot; the arbiter stops it for want of odometry until the next incarnation speaks.
-fn kill(hall: &mut Hall) {
-    let (process, _) = driver(&hall.running).unwrap();
+/// Kills the driver of a driving robot; the arbiter stops it for want of odometry until the next incarnation speaks,
+/// whose first odometry ends what is returned.
+fn kill(hall: &mut Hall) -> Vec<Odometry> {
     let killed_ns = host_ns();
-    send_signal(process, libc::SIGKILL);
-    hall.until_odometry("a new life", |_, header| header.incarnation == 1);
+    send_signal(driver(&hall.running).unwrap().0, libc::SIGKILL);
+    let seen = hall.until_odometry("a new life", |_, header| header.incarnation == 1);
     let mut stopped = false;
     hall.commands
         .each(&mut Step::new(), |command, header| {
@@ -357,15 +355,17 @@ fn kill(hall: &mut Hall) {
         })
         .unwrap();
     assert!(stopped, "without odometry the arbiter stops the robot");
+    seen
 }
 
 #[test]
 fn a_killed_driver_is_started_again_and_drives_on_from_where_its_base_stands() {
     let Some(mut hall) = Hall::start("killed-driver", with_a_base_of_its_own, &[]) else { return };
     hall.until_odometry("a metre", |odometry, _| odometry.pose.x_m > 1.0);
-    kill(&mut hall);
-    let seen = hall.until_odometry("driving on", |odometry, _| odometry.twist.v_m_s > 0.3);
-    assert!(seen.iter().all(|odometry| odometry.pose.x_m > 1.0), "the pose was lost");
+    let [.., last, first] = kill(&mut hall)[..] else { panic!("no odometry before or after the kill") };
+    let jump_m = (first.pose.x_m - last.pose.x_m).abs();
+    assert!(jump_m < 0.1 && first.pose_epoch == 0, "the pose was lost: {last:?} {first:?}");
+    hall.until_odometry("driving on", |odometry, _| odometry.twist.v_m_s > 0.3);
     let (outcome, summary) = hall.end();
     assert_eq!(outcome.code, 0, "{}{}", outcome.out, outcome.err);
     assert_eq!(summary["nodes"]["driver"]["restarts"], 1, "{summary:#}");

@@ -11,6 +11,9 @@ pub const LOCAL_CELLS: usize = LOCAL_SIDE * LOCAL_SIDE;
 pub const SAFETY_SIDE: usize = 80;
 /// Cells of the safety map.
 pub const SAFETY_CELLS: usize = SAFETY_SIDE * SAFETY_SIDE;
+/// `[1]` probability of being occupied below which a cell that was seen counts as free to drive on, unless configured
+/// otherwise; the unknown is 0.5.
+pub const FREE_BELOW: f32 = 0.45;
 /// Age code: the cell was never seen; the only mark of unknown.
 pub const AGE_NEVER: u8 = 255;
 /// Age code: seen longer ago than 25.3 s.
@@ -95,7 +98,8 @@ record! {
         pub refused: u32,
         /// `[1/255]` `[0, 255]` probability that a cell is occupied; 128 where unknown.
         pub occupancy: [u8; LOCAL_CELLS],
-        /// `[1/255]` `[0, 255]` m_o of eq. (3): occupancy widened by the robot's half-width.
+        /// `[1/255]` `[0, 255]` m_o of eq. (3): occupancy widened by the robot's half-width; so are, as 0.5, cells not known
+        /// free that lie too near for the camera to see.
         pub planning_cost: [u8; LOCAL_CELLS],
         /// `[0.1 s]` `[0, 253]` time since the cell was seen; 254 older, 255 never.
         pub age: [u8; LOCAL_CELLS],

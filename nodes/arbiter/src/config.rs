@@ -1,7 +1,7 @@
 //! Parameters of the arbiter.
 
 use serde::Deserialize;
-use sidestep_msgs::Winner;
+use sidestep_msgs::{FREE_BELOW, Winner};
 
 /// Why the arbiter cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -115,7 +115,7 @@ impl Config {
         teleop_age_s: 0.1,
         ranges_age_s: 0.3,
         near_field_age_s: 0.15,
-        free_below: 0.45,
+        free_below: FREE_BELOW,
         margin_m: 0.015,
         gap_m: 0.02,
         hold_s: 0.08,

@@ -53,6 +53,18 @@ fn a_path_is_followed_to_its_end_and_arrived_at_for_good() {
     assert_eq!(step(&mut goal, &map(9.0, 1.0, 0.0)).0, Status::Ok);
 }
 
+/// The end of a path lies where nobody can look any more; the robot is half a metre before it. Then something stands there.
+#[test]
+fn cells_too_near_to_be_seen_do_not_block_a_path_and_what_stands_there_does() {
+    for (cost, expected) in [(128, Status::Ok), (200, Status::Hold)] {
+        let mut goal = goal();
+        goal.path(&path(3, &[(0.0, 0.0), (0.6, 0.0)]));
+        let mut map = map(0.0, 0.0, 0.0);
+        map.planning_cost = [cost; LOCAL_CELLS];
+        assert_eq!(step(&mut goal, &map).0, expected, "cost {cost}");
+    }
+}
+
 #[test]
 fn progress_survives_a_correction_of_the_path_and_a_robot_pushed_back() {
     let mut goal = goal();

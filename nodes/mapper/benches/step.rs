@@ -5,7 +5,7 @@ mod scene;
 
 use divan::Bencher;
 use scene::{Scene, View, frame, loomo};
-use sidestep_mapper::{Config, Mapper, planning_cost};
+use sidestep_mapper::{Config, Mapper, Widening, planning_cost};
 use sidestep_msgs::{DepthFrame, LocalMap, Pose2, SafetyMap, Scan};
 
 fn main() {
@@ -121,6 +121,6 @@ fn planning(bencher: Bencher) {
         mapper.depth(frame);
     }
     mapper.write_local(&mut map);
-    let mut out = map.planning_cost;
-    bencher.bench_local(|| planning_cost(&map.occupancy, &map.age, (0.285, 1.0), &mut out));
+    let (mut out, widening) = (map.planning_cost, Widening::of(&scene::loomo()));
+    bencher.bench_local(|| planning_cost(&map.occupancy, &map.age, widening, &mut out));
 }

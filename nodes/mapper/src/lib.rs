@@ -24,4 +24,4 @@ pub use config::{Config, ConfigError};
 pub use grid::{CELL_M, SIDE as GRID_SIDE};
 pub use mapper::Mapper;
 pub use node::run;
-pub use planning::{CLEAR_BELOW, UNKNOWN_COST, planning_cost};
+pub use planning::{CLEAR_BELOW, UNKNOWN_COST, Widening, planning_cost};

@@ -5,7 +5,7 @@ use crate::evidence::Evidence;
 use crate::footprint;
 use crate::grid::{Grid, Moment};
 use crate::history::{Arrival, History, Sample};
-use crate::planning::planning_cost;
+use crate::planning::{Widening, planning_cost};
 use crate::projection::{Columns, Lens};
 use crate::sonar;
 use crate::sweep::{Sweep, is_shaped};
@@ -43,6 +43,7 @@ pub(crate) struct Memory {
 pub struct Mapper {
     config: Config,
     robot: Robot,
+    widening: Widening,
     pub(crate) grid: Grid,
     pub(crate) history: History,
     pub(crate) memory: Memory,
@@ -61,6 +62,7 @@ impl Mapper {
         Ok(Self {
             config: *config,
             robot: robot.clone(),
+            widening: Widening::of(robot),
             grid: Grid::new(config),
             history: History::new(),
             memory: bytemuck::Zeroable::zeroed(),
@@ -220,8 +222,7 @@ impl Mapper {
         map.pose_epoch = self.memory.pose_epoch;
         map.refused = self.memory.refused;
         self.view.local(&mut map.occupancy, &mut map.age);
-        let reach = (self.robot.half_width_m(), self.robot.blind_m());
-        planning_cost(&map.occupancy, &map.age, reach, &mut map.planning_cost);
+        planning_cost(&map.occupancy, &map.age, self.widening, &mut map.planning_cost);
     }
 
     /// Fills the map to be safe with, from the memory at the newest capture taken.

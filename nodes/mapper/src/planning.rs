@@ -1,6 +1,6 @@
 //! The planning cost m_o of eq. (3): occupancy widened by the robot, since eq. (6) moves a point.
 
-use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE};
+use sidestep_msgs::{AGE_NEVER, FREE_BELOW, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Robot};
 
 /// Cost of a cell that was never seen: 0.3, below the limit 0.4 of the expert.
 pub const UNKNOWN_COST: u8 = 77;
@@ -9,8 +9,8 @@ pub const CLEAR_BELOW: u8 = 90;
 /// Occupancy from here on (0.5) counts as an obstacle and is widened. What lies between is in doubt, as a free cell is
 /// that lost its certainty with motion: it costs what the unknown costs, since nothing was ever seen to stand there.
 const OBSTACLE_FROM: u8 = 128;
-/// Occupancy (0.45) up to which a cell is free for the arbiter.
-const FREE_BELOW: u8 = 114;
+/// Occupancy from here on is not free for the arbiter.
+const NOT_FREE_FROM: u8 = (FREE_BELOW * 255.0) as u8;
 /// P of a cell of which nothing is known.
 const PRIOR: u16 = 128;
 /// `[m]` beyond the half-width, over which the weight falls to zero.
@@ -18,6 +18,30 @@ const FALL_M: f32 = 0.165;
 /// Cells by which the kernel may reach: half-widths up to 0.9 m.
 const REACH_MAX: usize = 10;
 const PADDED: usize = LOCAL_SIDE + 2 * REACH_MAX;
+
+/// How far a cell that is not free reaches into the costs of others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Widening {
+    /// `[m]` half-width of the footprint.
+    pub half_width_m: f32,
+    /// `[m]` distance from the axle within which what is not known free is widened too: [`Robot::blind_m`], or 0 for maps
+    /// of which nothing can be hidden so.
+    pub blind_m: f32,
+}
+
+impl Widening {
+    /// That of a robot that sees with its own sensor.
+    #[must_use]
+    pub fn of(robot: &Robot) -> Self {
+        Self { half_width_m: robot.half_width_m(), blind_m: robot.blind_m() }
+    }
+
+    /// That of a robot of this half-width on a map that hides nothing nearby.
+    #[must_use]
+    pub fn by(half_width_m: f32) -> Self {
+        Self { half_width_m, blind_m: 0.0 }
+    }
+}
 
 /// Whether the centre of a cell lies nearer to the axle than a distance.
 fn is_nearer(row: usize, col: usize, distance_m: f32) -> bool {
@@ -34,15 +58,14 @@ fn weight(distance_m: f32, half_width_m: f32) -> u16 {
 /// Fills `out` with max over obstacle cells k of P(k) w(|c - k|), and at least 0.3 where the cell itself is unknown or in
 /// doubt.
 ///
-/// A cell that is not known free and lies nearer to the robot than `blind_m` ([`sidestep_msgs::Robot::blind_m`]) counts as
-/// an obstacle of P = 0.5: its sensor cannot see it any more before the footprint would be there, and the arbiter lets
-/// nobody cross it. 0 for maps of which nothing can be hidden so.
+/// A cell that is not known free and lies nearer to the robot than [`Widening::blind_m`] counts as an obstacle of P = 0.5:
+/// its sensor cannot see it any more before the footprint would be there, and the arbiter lets nobody cross it.
 ///
 /// The same function makes the bytes that the robot drives by and those that a network is trained with.
 pub fn planning_cost(
     occupancy: &[u8; LOCAL_CELLS],
     age: &[u8; LOCAL_CELLS],
-    (half_width_m, blind_m): (f32, f32),
+    widening: Widening,
     out: &mut [u8; LOCAL_CELLS],
 ) {
     let mut padded = [[0u16; PADDED]; PADDED];
@@ -51,7 +74,7 @@ pub fn planning_cost(
         let is_known = age != AGE_NEVER;
         padded[REACH_MAX + row][REACH_MAX + col] = match occupancy {
             OBSTACLE_FROM.. if is_known => u16::from(occupancy),
-            _ if (!is_known || occupancy > FREE_BELOW) && is_nearer(row, col, blind_m) => PRIOR,
+            _ if (!is_known || occupancy >= NOT_FREE_FROM) && is_nearer(row, col, widening.blind_m) => PRIOR,
             _ => 0,
         };
     }
@@ -60,7 +83,7 @@ pub fn planning_cost(
         for right in 0..=2 * REACH_MAX {
             let (dy, dx) = (down as f32 - REACH_MAX as f32, right as f32 - REACH_MAX as f32);
             let distance_m = LOCAL_GRID.cell_m * (dx * dx + dy * dy).sqrt();
-            let weight = weight(distance_m, half_width_m);
+            let weight = weight(distance_m, widening.half_width_m);
             if weight == 0 {
                 continue;
             }
@@ -88,7 +111,7 @@ mod tests {
 
     fn cost_of(occupancy: &[u8; LOCAL_CELLS], age: &[u8; LOCAL_CELLS]) -> [u8; LOCAL_CELLS] {
         let mut out = [0; LOCAL_CELLS];
-        planning_cost(occupancy, age, (HALF_WIDTH_M, 0.0), &mut out);
+        planning_cost(occupancy, age, Widening::by(HALF_WIDTH_M), &mut out);
         out
     }
 
@@ -137,16 +160,16 @@ mod tests {
     #[test]
     fn what_is_too_near_to_be_seen_is_kept_off_and_what_is_farther_is_not() {
         let (near, far) = (LOCAL_GRID.index(0.45, 0.65).unwrap(), LOCAL_GRID.index(1.45, 0.65).unwrap());
-        for (occupancy_of_hole, age_of_hole) in [(128, AGE_NEVER), (120, 9)] {
+        for (occupancy_of_hole, age_of_hole) in [(128, AGE_NEVER), (NOT_FREE_FROM, 9)] {
             let (mut occupancy, mut age, mut cost) = ([0; LOCAL_CELLS], [0; LOCAL_CELLS], [0; LOCAL_CELLS]);
             for hole in [near, far] {
                 (occupancy[hole], age[hole]) = (occupancy_of_hole, age_of_hole);
             }
-            planning_cost(&occupancy, &age, (HALF_WIDTH_M, 1.0), &mut cost);
+            planning_cost(&occupancy, &age, Widening { half_width_m: HALF_WIDTH_M, blind_m: 1.0 }, &mut cost);
             assert_eq!((cost[near], cost[far]), (128, UNKNOWN_COST));
             // Two cells aside, within the half-width, a plan may not pass; beside the far one it may.
             assert_eq!((cost[near + 2], cost[far + 2]), (128, 0));
-            planning_cost(&occupancy, &age, (HALF_WIDTH_M, 0.0), &mut cost);
+            planning_cost(&occupancy, &age, Widening::by(HALF_WIDTH_M), &mut cost);
             assert_eq!((cost[near], cost[near + 2]), (UNKNOWN_COST, 0));
         }
     }
@@ -173,7 +196,7 @@ mod tests {
             let occupancy: [u8; LOCAL_CELLS] = std::array::from_fn(|_| if draw() < 40 { draw() } else { 20 });
             let age: [u8; LOCAL_CELLS] = std::array::from_fn(|_| if draw() < 60 { AGE_NEVER } else { 3 });
             let mut out = [0; LOCAL_CELLS];
-            planning_cost(&occupancy, &age, (half_width_m, 0.0), &mut out);
+            planning_cost(&occupancy, &age, Widening::by(half_width_m), &mut out);
             for c in 0..LOCAL_CELLS {
                 let in_doubt = age[c] == AGE_NEVER || occupancy[c] >= CLEAR_BELOW;
                 let mut expected = if in_doubt { 77.0f32 } else { 0.0 };

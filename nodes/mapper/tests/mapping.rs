@@ -97,6 +97,29 @@ fn pitch_and_roll_of_the_odometry_keep_the_floor_flat() {
 }
 
 /// A pit from 1.5 m on: its near edge is marked, and nothing in it is free.
+/// One look at an empty floor: straight ahead what is unknown ends, and the planning cost of 0.5 with it, where the robot
+/// file's camera first sees the floor.
+#[test]
+fn the_floor_is_first_seen_where_the_robot_file_says() {
+    let map = local(&looked(&Scene::default(), &View::level(Pose2::ORIGIN), 1, 1));
+    let blind_m = loomo().blind_m();
+    assert!((blind_m - 0.995).abs() < 0.005, "{blind_m}");
+    for step in 3..20 {
+        let x_m = 0.05 + 0.1 * step as f32;
+        let cell = LOCAL_GRID.index(x_m, 0.05).unwrap();
+        if (x_m - blind_m).abs() > 0.1 {
+            assert_eq!(map.age[cell] == AGE_NEVER, x_m < blind_m, "{x_m} m");
+        }
+        let kept_off = map.planning_cost[cell] == 128;
+        assert!(
+            kept_off == (x_m < blind_m) || (x_m - blind_m).abs() < 0.45,
+            "{x_m} m: {}",
+            map.planning_cost[cell]
+        );
+    }
+    assert!(jackal().blind_m().abs() < 1e-6, "a scanner sees from where it stands");
+}
+
 #[test]
 fn a_hole_in_the_floor_is_an_obstacle() {
     let stairs = Scene { holes: vec![[1.52, 9.0, -9.0, 9.0]], ..Scene::default() };

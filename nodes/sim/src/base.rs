@@ -139,8 +139,13 @@ impl Base {
     /// Moves on by `dt_s` from the graph time `now_ns`.
     pub(crate) fn step(&mut self, now_ns: u64, dt_s: f64, response: &Response) {
         self.take_effective(now_ns);
-        // The watchdog is the base's own: it needs no dead time.
-        let target = if now_ns >= self.valid_until_ns { Twist::STOP } else { self.target };
+        if now_ns >= self.valid_until_ns {
+            // The watchdog is the base's own: it needs no dead time, and what has run out does not come back when the
+            // next command arrives.
+            self.target = Twist::STOP;
+            self.queued = 0;
+        }
+        let target = self.target;
         let v_target = f64::from(target.v_m_s).clamp(-response.fastest_m_s, response.fastest_m_s);
         let w_target = f64::from(target.w_rad_s).clamp(-response.fastest_rad_s, response.fastest_rad_s);
         let lag_s = response.lag_s.max(dt_s);
@@ -270,6 +275,23 @@ mod tests {
             before = base.v_m_s;
         }
         assert!(base.v_m_s < 1e-6);
+    }
+
+    /// A command for rest after a silence: in its dead time the old speed must not come back.
+    #[test]
+    fn what_has_run_out_does_not_come_back_with_the_next_command() {
+        let r = response();
+        let mut base = Base::new(Pose2::ORIGIN);
+        base.command(&command(0.5, 1000 * MS), 0, &r);
+        let mut before = f64::INFINITY;
+        for ms in 0..1600 {
+            if ms == 1200 {
+                base.command(&command(0.0, 1280 * MS), ms * MS, &r);
+            }
+            base.step(ms * MS, 1e-3, &r);
+            assert!(ms < 1001 || base.v_m_s <= before, "{ms} ms: {} after {before}", base.v_m_s);
+            before = base.v_m_s;
+        }
     }
 
     #[test]

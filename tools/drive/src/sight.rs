@@ -1,6 +1,6 @@
 //! How the robot sees: through its camera and the mapper, or the world itself drawn into both maps.
 
-use sidestep_mapper::planning_cost;
+use sidestep_mapper::{Widening, planning_cost};
 use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, SafetyMap};
 use sidestep_sim::{Solid, draw, seen_from};
 
@@ -55,6 +55,11 @@ impl Surroundings<'_> {
             draw(&solid, &LOCAL_GRID, &mut local.occupancy);
             draw(&solid, &SAFETY_GRID, &mut safety.occupancy);
         }
-        planning_cost(&local.occupancy, &local.age, (self.half_width_m, 0.0), &mut local.planning_cost);
+        planning_cost(
+            &local.occupancy,
+            &local.age,
+            Widening::by(self.half_width_m),
+            &mut local.planning_cost,
+        );
     }
 }

@@ -312,7 +312,7 @@ impl<'a> Run<'a> {
             }
         }
         map.capture_ns = BEGIN_NS + moment.tick * TICK_NS;
-        draw_map(self.scenario, moment, shown, self.known.as_ref(), map);
+        draw_map(moment, shown, self.known.as_ref(), map);
     }
 
     /// Notes how near everything is, if it can be nearer than anything was before.
@@ -370,10 +370,9 @@ impl<'a> Run<'a> {
         let fastest = HURRY * f64::from(self.evaluator.robot.limits.forward_m_s);
         let reach_m = f64::from(self.evaluator.robot.radius_m()) + left_s * fastest + self.least_m;
         let at = [self.base.pose.x_m, self.base.pose.y_m];
-        let existing = self.scenario.things.0.iter().filter(|thing| thing.exists);
-        existing
-            .into_iter()
-            .all(|thing| thing.solid.distance_m(at) > reach_m + thing.speed_m_s() * TICKS as f64 * 0.01)
+        let whole_s = TICKS as f64 * TICK_NS as f64 * 1e-9;
+        let mut existing = self.scenario.things.0.iter().filter(|thing| thing.exists);
+        existing.all(|thing| thing.solid.distance_m(at) > reach_m + thing.speed_m_s() * whole_s)
     }
 
     fn trace(&self, tick: u64) -> Trace {

@@ -8,6 +8,7 @@ use crate::evaluation::{Evaluator, Outcome};
 use crate::genes::Case;
 use crate::scenario::GENES;
 use serde::Serialize;
+use sidestep_crew::in_order;
 use sidestep_msgs::Robot;
 use sidestep_sim::{Random, mix};
 
@@ -108,8 +109,9 @@ pub fn search(
     let mut next = 0;
     while next < climbs && !(options.stops && search.first_contact.is_some()) {
         let count = batch.min(climbs - next);
-        let done = climbs_from(options, next, count)?;
-        for found in done {
+        let hire = || Evaluator::new(options.robot);
+        let job = |evaluator: &mut Evaluator, index: usize| climb(evaluator, options, next + index as u64);
+        for found in in_order(count as usize, options.threads, hire, job, &mut |_| ())? {
             // What was done beyond the first contact depends on the number of threads, and is not told.
             if !(options.stops && search.first_contact.is_some()) {
                 search.add(found, options.keep);
@@ -140,27 +142,6 @@ impl Search {
         self.worst.sort_by(|a, b| a.outcome.robustness_m.total_cmp(&b.outcome.robustness_m));
         self.worst.truncate(keep);
     }
-}
-
-/// Climbs `first..first + count`, in the order of their numbers.
-fn climbs_from(options: &SearchOptions<'_>, first: u64, count: u64) -> Result<Vec<Climb>, FalsifyError> {
-    let threads = (options.threads.max(1) as u64).min(count) as usize;
-    let share = |thread: usize| -> Result<Vec<(u64, Climb)>, FalsifyError> {
-        let mut evaluator = Evaluator::new(options.robot)?;
-        let numbers = (first..first + count).skip(thread).step_by(threads);
-        numbers.map(|number| Ok((number, climb(&mut evaluator, options, number)?))).collect()
-    };
-    let shares: Vec<_> = std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..threads).map(|thread| scope.spawn(move || share(thread))).collect();
-        let join = |handle: std::thread::ScopedJoinHandle<'_, _>| {
-            handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        handles.into_iter().map(join).collect()
-    });
-    let shares = shares.into_iter().collect::<Result<Vec<_>, FalsifyError>>()?;
-    let mut climbs: Vec<(u64, Climb)> = shares.into_iter().flatten().collect();
-    climbs.sort_by_key(|(number, _)| *number);
-    Ok(climbs.into_iter().map(|(_, climb)| climb).collect())
 }
 
 /// One climb from uniform cases to the worst that the fit leads to.

@@ -1,7 +1,6 @@
 //! What reaches the arbiter, and when: maps, odometry and wishes, late, lost, repeated, or of a mapper just restarted.
 
-use crate::scenario::{Channel, Scenario};
-
+use crate::scenario::Channel;
 use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, SafetyMap, Twist};
 use sidestep_sim::{Random, Solid, draw, mix, seen_from};
 
@@ -61,13 +60,7 @@ pub(crate) struct Known {
 }
 
 /// Draws the safety map of a moment: a cell is taken, or not seen, where a thing touches it.
-pub(crate) fn draw_map(
-    scenario: &Scenario,
-    moment: &Moment,
-    shown: &[(Solid, bool)],
-    known: Option<&Known>,
-    map: &mut SafetyMap,
-) {
+pub(crate) fn draw_map(moment: &Moment, shown: &[(Solid, bool)], known: Option<&Known>, map: &mut SafetyMap) {
     map.pose = moment.believed;
     map.occupancy.fill(0);
     map.age.fill(0);
@@ -79,7 +72,7 @@ pub(crate) fn draw_map(
     }
     let Some(known) = known else { return };
     let (x, y) = from.inverse_transform(known.centre_m[0], known.centre_m[1]);
-    let reach_m = (scenario.restarts.known_radius_m - HALF_DIAGONAL_M).max(0.0).min(known.radius_m);
+    let reach_m = (known.radius_m - HALF_DIAGONAL_M).max(0.0);
     for row in 0..SAFETY_SIDE {
         for col in 0..SAFETY_SIDE {
             let (cx, cy) = SAFETY_GRID.centre(row, col);

@@ -5,13 +5,13 @@
 //! time the robot is stuck is an intervention: it is pushed back onto the way and goes on. With the arbiter, each time the
 //! arbiter does something else than let through or slow the policy's wish is a takeover.
 
-use crate::crew::in_order;
 use crate::error::NavigateError;
 use crate::pilot::{Conditions, Pilot};
 use crate::reference::Floor;
 use crate::room::{Course, WAY_M};
 use crate::statistics::sign_flip_test;
 use serde::Serialize;
+use sidestep_crew::in_order;
 use sidestep_drive::{Drive, Lead, Sight};
 use sidestep_msgs::{Code, Pose2, Reason, Robot, wrap_angle};
 use sidestep_sim::World;

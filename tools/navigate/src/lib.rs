@@ -2,7 +2,6 @@
 
 mod beside;
 mod corridor;
-mod crew;
 mod drawing;
 mod error;
 mod page;

@@ -1,11 +1,11 @@
 //! A suite of courses under every condition asked for: shares with intervals, means, and each failure by its seed.
 
-use crate::crew::in_order;
 use crate::error::NavigateError;
 use crate::pilot::{Conditions, Driven, Ending, Pilot};
 use crate::room::{Course, room};
 use crate::statistics::Proportion;
 use serde::{Serialize, Serializer};
+use sidestep_crew::in_order;
 use sidestep_drive::{Lead, Sight};
 use sidestep_msgs::Robot;
 

@@ -1,11 +1,11 @@
 //! How the weights of eq. (6) were chosen: closed loops of the expert alone, each weight halved and doubled in turn, in
 //! rooms of a seed that no evaluation uses.
 
-use crate::crew::in_order;
 use crate::error::NavigateError;
 use crate::pilot::PIXELS;
 use crate::room::{Course, room};
 use serde::Serialize;
+use sidestep_crew::in_order;
 use sidestep_drive::{Drive, Lead, Setup, Sight};
 use sidestep_expert::Weights;
 use sidestep_msgs::Robot;

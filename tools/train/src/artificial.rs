@@ -5,7 +5,7 @@
 
 use crate::random::Random;
 use crate::record::PARTLY_UNKNOWN;
-use sidestep_mapper::planning_cost;
+use sidestep_mapper::{Widening, planning_cost};
 use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Limits, Twist};
 
 /// Cells of border round the map in which shapes are drawn too, so that the blur has no edge.
@@ -90,7 +90,7 @@ pub fn scene(seed: u64, stream: u64, limits: &Limits, half_width_m: f32) -> Scen
     }
     let (occupancy, age) = measured(&mut random, &canvas, &seen);
     let mut cost = [0; LOCAL_CELLS];
-    planning_cost(&occupancy, &age, (half_width_m, 0.0), &mut cost);
+    planning_cost(&occupancy, &age, Widening::by(half_width_m), &mut cost);
     let (goal_m, goal_cell) = goal(&mut random, &cost);
     Scene { planning_cost: cost, goal_cell, goal_m, twist: twist(&mut random, limits), kind }
 }

@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x04d3_57f9_552d_57a8,
+        content_hash: 0x6611_93a7_106a_681d,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0xf4e0_a3e4_5f43_4c30,
+        content_hash: 0xdd3d_8d26_7789_024a,
     },
 ];
 

@@ -6,9 +6,9 @@ use crate::error::TrainError;
 use crate::label::Labeller;
 use crate::record::{DatasetWriter, Header, Record, Source};
 use bytemuck::Zeroable;
+use sidestep_crew::in_order;
 use sidestep_msgs::Robot;
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 /// Records that one thread makes at once of artificial maps.
 const SHARE: usize = 64;
@@ -54,7 +54,9 @@ pub fn dataset(options: &DatasetOptions, progress: &mut dyn FnMut(&str)) -> Resu
     let mut number = 0;
     let threads = options.threads.max(1);
     while made < options.samples {
-        for part in parts(options, number, threads * AHEAD)? {
+        let hire = || Ok(Labeller::new(&options.robot));
+        let job = |labeller: &mut Labeller, index: usize| make(options, number + index as u64, labeller);
+        for part in in_order(threads * AHEAD, threads, hire, job, &mut |_| ())? {
             let count = part.len().min((options.samples - made) as usize);
             writer.append(&part[..count])?;
             made += count as u64;
@@ -63,25 +65,6 @@ pub fn dataset(options: &DatasetOptions, progress: &mut dyn FnMut(&str)) -> Resu
         progress(&format!("dataset: {made} of {} records", options.samples));
     }
     writer.finish()
-}
-
-/// Parts `first..first + count` of a dataset, in order.
-fn parts(options: &DatasetOptions, first: u64, count: usize) -> Result<Vec<Vec<Record>>, TrainError> {
-    let mut parts: Vec<Result<Vec<Record>, TrainError>> = (0..count).map(|_| Ok(Vec::new())).collect();
-    let work = Mutex::new(parts.iter_mut().enumerate());
-    std::thread::scope(|scope| {
-        for _ in 0..options.threads.max(1) {
-            scope.spawn(|| {
-                let mut labeller = Labeller::new(&options.robot);
-                loop {
-                    let next = work.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
-                    let Some((index, part)) = next else { break };
-                    *part = make(options, first + index as u64, &mut labeller);
-                }
-            });
-        }
-    });
-    parts.into_iter().collect()
 }
 
 /// Part `number` of a dataset: its own for each number, whoever makes it and when.

@@ -53,6 +53,19 @@ fn no_progress_leads_to_a_way_back_then_a_full_turn_then_rest() {
     assert!((0.85..1.0).contains(&way), "{way}");
 }
 
+/// A lead that only turns: no recovery for three spans of 5 s, then one; a lead that stands gets it after the first.
+#[test]
+fn turning_counts_as_progress_for_a_while() {
+    let recovers_after = |turn_rad_s: f32| {
+        let mut stage = Stage::new(&CONFIG, &[]);
+        stage.wish = Twist::new(0.0, turn_rad_s);
+        (0..3000).find(|_| stage.tick().reason == Reason::BackUp as u32).unwrap()
+    };
+    let (standing, turning) = (recovers_after(0.0), recovers_after(0.8));
+    assert!((480..=520).contains(&standing), "{standing} ticks");
+    assert!((1500..=2050).contains(&turning), "{turning} ticks");
+}
+
 /// A hole of unseen floor ahead, then a wall at its place: before the hole, where waiting shows nothing, it backs up soon.
 #[test]
 fn before_what_nobody_saw_it_backs_up_soon_and_before_what_stands_there_it_waits() {

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 ///
 /// # Errors
 /// The first error of a worker's making, or that of the job of the lowest number.
-pub(crate) fn in_order<W, T: Send, E: Send>(
+pub fn in_order<W, T: Send, E: Send>(
     count: usize,
     threads: usize,
     hire: impl Fn() -> Result<W, E> + Sync,
