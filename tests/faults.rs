@@ -10,10 +10,10 @@ use std::time::Duration;
 
 const NODES: &[&str] = &["sim", "mapper", "guard", "goal", "policy", "expert", "arbiter", "recorder"];
 /// SplitMix64: the seed is printed by its user.
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn below(&mut self, bound: u64) -> u64 {
+    pub(crate) fn below(&mut self, bound: u64) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -132,18 +132,18 @@ fn killed_nodes_come_back_as_an_ordinary_user() {
 }
 
 /// A run that drives, with a reader of all its commands.
-struct Drive {
-    running: Running,
-    link: Link,
-    commands: sidestep_bus::Inbox<Command>,
-    step: Step,
+pub(crate) struct Drive {
+    pub(crate) running: Running,
+    pub(crate) link: Link,
+    pub(crate) commands: sidestep_bus::Inbox<Command>,
+    pub(crate) step: Step,
     domain: DomainName,
     _folder: Folder,
     _alone: Alone,
 }
 
 impl Drive {
-    fn start(name: &str, settings: &[&str]) -> Self {
+    pub(crate) fn start(name: &str, settings: &[&str]) -> Self {
         let alone = Alone::wait();
         let folder = Folder::new(name);
         let recordings = folder.join("recordings").display().to_string();
@@ -169,7 +169,11 @@ impl Drive {
     }
 
     /// Reads commands until one fits; all read are returned.
-    fn until(&mut self, what: &str, mut fits: impl FnMut(&Command) -> bool) -> Vec<(u64, Command)> {
+    pub(crate) fn until(
+        &mut self,
+        what: &str,
+        mut fits: impl FnMut(&Command) -> bool,
+    ) -> Vec<(u64, Command)> {
         let mut seen = Vec::new();
         let Self { running, link, commands, step, .. } = self;
         running.wait_for(what, |_| {
@@ -196,7 +200,7 @@ impl Drive {
         finish(command.spawn().unwrap())
     }
 
-    fn end(self) -> Outcome {
+    pub(crate) fn end(self) -> Outcome {
         self.running.signal(libc::SIGINT);
         let outcome = self.running.finish();
         assert_eq!(left_in_shared_memory(&self.domain.prefix), Vec::<String>::new());
@@ -205,7 +209,7 @@ impl Drive {
     }
 }
 
-fn is(command: &Command, reason: Reason) -> bool {
+pub(crate) fn is(command: &Command, reason: Reason) -> bool {
     Reason::from_code(command.reason) == Some(reason)
 }
 

@@ -22,6 +22,9 @@ mod drive;
 // Killed and hung nodes, operators, orphans: the robot stops in time, the graph comes back, nothing is left.
 mod faults;
 
+// Liveness by the hundred: nodes stopped at random moments, the times to the answer.
+mod injections;
+
 // Graph time in steps: the same seed, the same bytes.
 mod lockstep;
 

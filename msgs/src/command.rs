@@ -19,7 +19,7 @@ codes! {
         Expert = 2 "expert",
         /// The operator's.
         Teleop = 3 "teleop",
-        /// The arbiter's own way out: scan rotation or back-up.
+        /// The arbiter's own way out: scan rotation, back-up or advance.
         Recovery = 4 "recovery",
     }
 }
@@ -41,6 +41,8 @@ codes! {
         OtherProposal = 5 "the other proposal drives",
         /// The operator drives.
         Teleop = 6 "teleop",
+        /// Only straight on is safe, not the turn of the wish.
+        Straight = 7 "only straight on is safe",
         /// At the goal.
         Arrived = 10 "arrived",
         /// No path and no target, or the goal node says stop.
@@ -97,6 +99,8 @@ codes! {
         ScanRotation = 43 "scan rotation",
         /// A short back-up over cells seen free.
         BackUp = 44 "back-up",
+        /// Slowly on towards the goal, since the lead hesitates.
+        Advance = 45 "advance",
     }
 }
 

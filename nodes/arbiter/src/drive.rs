@@ -5,7 +5,7 @@ use crate::arbiter::{Arbiter, Verdict};
 use crate::clearance::Heading;
 use crate::config::Resume;
 use crate::queue::{Pending, SENT_MAX};
-use crate::recovery::Action;
+use crate::recovery::{Action, Aim, HeldBack};
 use crate::search::{Filter, Filtered, Question};
 use crate::select::Selected;
 use crate::tube::Situation;
@@ -13,8 +13,6 @@ use sidestep_msgs::{NO_CELL, Reason, Twist, Winner};
 
 /// `[1]` a boxed-in robot drives on when this part of the wish is safe again.
 const FREE_SCALE: f32 = 0.5;
-/// `[rad/s]` a wish to turn slower than this is none.
-const WANTS_RAD_S: f32 = 0.1;
 /// `[m/s]` fastest while the robot overlaps cells that are not free.
 const OVERLAP_M_S: f32 = 0.1;
 
@@ -26,8 +24,15 @@ impl Arbiter {
         let at_once = faulty || matches!(reason, Reason::EstopLatched | Reason::Starting);
         let motion = match self.situation(now_ns) {
             Some(situation) if !at_once && !self.memory.last.is_rest() => {
-                self.ask(&situation, &Question { escapes: false, ..self.question(Twist::STOP, now_ns, dt_s) })
-                    .motion
+                self.ask(
+                    &situation,
+                    &Question {
+                        escapes: false,
+                        straightens: false,
+                        ..self.question(Twist::STOP, now_ns, dt_s)
+                    },
+                )
+                .motion
             }
             _ => self.limiter.brake(&self.memory.last, dt_s, false),
         };
@@ -44,23 +49,23 @@ impl Arbiter {
             question.escapes = false;
             Action::Follow
         } else {
-            // Proposers that both see no way want to drive as much as one whose wish is blocked.
-            let wish = question.wish;
-            let wants = selected.reason == Reason::UnfitProposals
-                || wish.v_m_s.abs() >= self.config.crawl_m_s
-                || wish.w_rad_s.abs() >= WANTS_RAD_S;
-            self.memory.recovery.action(now_ns, &pose, (wants, question.side), &self.config)
+            let inputs = &self.memory.inputs;
+            let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
+            let aim = Aim { goal_m: inputs.map_pose.transform(x_m, y_m), side: question.side };
+            self.memory.recovery.action(now_ns, &pose, &aim, &self.config)
         };
         let (winner, named) = match action {
             Action::Scan(_) => (Winner::Recovery, Some(Reason::ScanRotation)),
             Action::BackUp(_) => (Winner::Recovery, Some(Reason::BackUp)),
+            Action::Advance(_) => (Winner::Recovery, Some(Reason::Advance)),
             Action::Rest(_) => (Winner::Stop, None),
             Action::Follow => (selected.winner, None),
         };
         match action {
-            Action::Scan(way) | Action::BackUp(way) => question.wish = way,
+            Action::Scan(way) | Action::BackUp(way) | Action::Advance(way) => question.wish = way,
             _ => {}
         }
+        question.straightens = question.escapes && matches!(action, Action::Follow | Action::Advance(_));
         question.escapes &= action == Action::Follow;
         let wish = question.wish;
         let Some(mut situation) = self.situation(now_ns) else {
@@ -80,9 +85,12 @@ impl Arbiter {
             self.ask(&situation, &question)
         };
         if action == Action::Follow {
-            self.memory
-                .recovery
-                .stopped_by(filtered.scale < FREE_SCALE && self.space.is_unseen(filtered.cell));
+            // Proposers that both see no way are held back by what they see.
+            self.memory.recovery.held_back(match filtered.scale < FREE_SCALE {
+                true if self.space.is_unseen(filtered.cell) => HeldBack::Unseen,
+                false if selected.reason != Reason::UnfitProposals => HeldBack::Nothing,
+                _ => HeldBack::Seen,
+            });
         }
         if let Action::Rest(reason) = action {
             let may_retry = self.config.resume == Resume::Auto;
@@ -110,6 +118,7 @@ impl Arbiter {
             scale_max: 1.0,
             side,
             escapes: true,
+            straightens: true,
         }
     }
 

@@ -1,5 +1,5 @@
-//! What to do when nothing helps: back up to see what lay too near to be seen, turn round, then rest and ask. The map is
-//! never cleared.
+//! What to do when nothing helps: go on where the lead hesitates, back up where the filter stops it, to see what lay too
+//! near to be seen, turn round, then rest and ask. The map is never cleared.
 
 use crate::config::{Config, span_ns};
 use bytemuck::{Pod, Zeroable};
@@ -7,9 +7,9 @@ use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
 
 /// `[rad]` a scan is done after a full turn.
 const SCAN_RAD: f64 = 2.0 * std::f64::consts::PI;
-/// `[ns]` longest scan and longest back-up.
+/// `[ns]` longest scan, and longest back-up or advance.
 const SCAN_NS: u64 = 20_000_000_000;
-const BACK_UP_NS: u64 = 10_000_000_000;
+const MOVE_NS: u64 = 10_000_000_000;
 /// `[ns]` a recovery that moves nothing for this long is over.
 const BLOCKED_NS: u64 = 1_500_000_000;
 /// `[rad]` a turn by this much is progress as well, for three times the span allowed without any.
@@ -17,6 +17,16 @@ const PROGRESS_RAD: f64 = 0.6;
 /// `[m]` and `[rad]` what counts as having moved at all.
 const MOVED_M: f64 = 0.08;
 const MOVED_RAD: f64 = 0.3;
+/// `[m/s]` and `[m]` speed and longest way of an advance.
+const ADVANCE_M_S: f32 = 0.25;
+const ADVANCE_M: f64 = 0.6;
+/// `[m]` an advance ends this near to its goal.
+const THERE_M: f64 = 0.15;
+/// `[rad]` bearing of the goal beyond which an advance only turns, and the gain `[1/s]` of that turn.
+const TURN_FIRST_RAD: f32 = 0.3;
+const TURN_GAIN: f32 = 2.0;
+/// `[ns]` an advance that cannot turn to its goal for this long goes straight on.
+const STRAIGHT_NS: u64 = 1_000_000_000;
 /// `[m]` this much farther from the trouble than a back-up leads, the next one is a new one.
 const AWAY_M: f64 = 0.5;
 
@@ -24,6 +34,30 @@ const FOLLOW: u32 = 0;
 const SCAN: u32 = 1;
 const BACK_UP: u32 = 2;
 const REST: u32 = 3;
+/// Towards the goal, or straight on where there is no room to turn to it.
+const ADVANCE: u32 = 4;
+const STRAIGHT: u32 = 5;
+
+/// What held the last wish back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub(crate) enum HeldBack {
+    /// Nothing: who stands, stands by its own wish.
+    Nothing = 0,
+    /// Something that was seen.
+    Seen = 1,
+    /// A cell that nobody saw: waiting shows no more of it.
+    Unseen = 2,
+}
+
+/// Where the robot is wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Aim {
+    /// `[m]` the local goal in `odom`.
+    pub(crate) goal_m: (f64, f64),
+    /// `[1, -1]` side of the goal.
+    pub(crate) side: f32,
+}
 
 /// What the filter is asked for instead of the wish.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +68,8 @@ pub(crate) enum Action {
     Scan(Twist),
     /// A motion backward over free cells.
     BackUp(Twist),
+    /// A slow motion towards the goal.
+    Advance(Twist),
     /// Rest, with the trouble as the reason.
     Rest(Reason),
 }
@@ -48,6 +84,9 @@ pub(crate) struct Recovery {
     place: Pose2,
     /// Pose in `odom` at which the last trouble began.
     trouble: Pose2,
+    /// `[m]` goal of the advance in `odom`.
+    goal_x_m: f64,
+    goal_y_m: f64,
     /// `[rad]` turned since the scan began.
     turned_rad: f64,
     last_yaw_rad: f64,
@@ -68,14 +107,18 @@ pub(crate) struct Recovery {
     scanned: u32,
     /// 1 once it backed up here.
     backed: u32,
-    /// 1 while what stops the wish is a cell that nobody saw: waiting shows no more of it.
-    unseen: u32,
+    /// 1 once it advanced here.
+    advanced: u32,
+    /// `[rad]` bearing of the goal of the advance.
+    bearing_rad: f32,
+    /// [`HeldBack`] code.
+    held_back: u32,
 }
 
 impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
-        let keep = (self.scanned, self.backed, self.trouble);
+        let keep = (self.scanned, self.backed, self.advanced, self.trouble);
         *self = Self {
             anchor: *pose,
             anchor_ns: now_ns,
@@ -84,38 +127,34 @@ impl Recovery {
             still_ns: now_ns,
             ..Self::zeroed()
         };
-        (self.scanned, self.backed, self.trouble) = keep;
+        (self.scanned, self.backed, self.advanced, self.trouble) = keep;
+    }
+
+    fn try_all(&mut self) {
+        (self.scanned, self.backed, self.advanced) = (0, 0, 0);
     }
 
     /// An operator's word: tries everything again.
     pub(crate) fn forgive(&mut self) {
         self.phase = FOLLOW;
-        (self.scanned, self.backed) = (0, 0);
+        self.try_all();
         self.still_ns = 0;
         self.anchor_ns = 0;
     }
 
-    /// Hears what stopped the last wish: whether it is a cell that nobody saw.
-    pub(crate) fn stopped_by(&mut self, unseen: bool) {
-        self.unseen = u32::from(unseen);
+    /// Hears what held the last wish back.
+    pub(crate) fn held_back(&mut self, by: HeldBack) {
+        self.held_back = by as u32;
     }
 
-    /// What to do now, given that somebody wants to drive towards the side `side`; `wants` tells whether the wish is
-    /// more than to stand.
-    pub(crate) fn action(
-        &mut self,
-        now_ns: u64,
-        pose: &Pose2,
-        (wants, side): (bool, f32),
-        config: &Config,
-    ) -> Action {
+    /// What to do now, given that there is a goal to drive to.
+    pub(crate) fn action(&mut self, now_ns: u64, pose: &Pose2, aim: &Aim, config: &Config) -> Action {
         if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M + f64::from(config.back_up_m) {
-            (self.scanned, self.backed) = (0, 0);
+            self.try_all();
         }
         self.note_progress(now_ns, pose, config);
         let turned = wrap_angle(pose.yaw_rad - self.still.yaw_rad).abs();
-        let idle = !wants && self.phase == FOLLOW;
-        if self.still_ns == 0 || idle || pose.distance_m(&self.still) > MOVED_M || turned > MOVED_RAD {
+        if self.still_ns == 0 || pose.distance_m(&self.still) > MOVED_M || turned > MOVED_RAD {
             self.still = *pose;
             self.still_ns = now_ns;
         }
@@ -134,32 +173,59 @@ impl Recovery {
             }
             BACK_UP => {
                 let way_m = pose.distance_m(&self.place);
-                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > BACK_UP_NS;
+                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if stuck || way_m >= f64::from(config.back_up_m) {
                     self.backed = 1;
                     // No room behind: look round instead.
                     self.begin(if way_m > MOVED_M { FOLLOW } else { SCAN }, now_ns, pose);
                 }
             }
-            REST => {}
-            _ => {
-                let patience_s = if self.unseen != 0 { config.unseen_s } else { config.boxed_in_s };
-                let boxed_in = still_ns >= span_ns(patience_s);
-                let lost = since(self.anchor_ns) >= span_ns(config.no_progress_s);
-                if boxed_in || lost {
-                    self.cause = if boxed_in { Reason::BoxedIn } else { Reason::NoProgress } as u32;
-                    self.side = if side < 0.0 { -1.0 } else { 1.0 };
-                    let phase = match (self.backed, self.scanned) {
-                        (0, _) => BACK_UP,
-                        (_, 0) => SCAN,
-                        _ => REST,
-                    };
-                    self.trouble = *pose;
-                    self.begin(phase, now_ns, pose);
+            ADVANCE if still_ns > STRAIGHT_NS => self.begin(STRAIGHT, now_ns, pose),
+            ADVANCE | STRAIGHT => {
+                let there = self.bear(pose) < THERE_M && self.phase == ADVANCE;
+                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
+                if there || stuck || pose.distance_m(&self.place) > ADVANCE_M {
+                    self.advanced = 1;
+                    self.begin(FOLLOW, now_ns, pose);
                 }
             }
+            REST => {}
+            _ => self.follow(now_ns, pose, aim, config),
         }
         self.asked(config)
+    }
+
+    /// Begins what was not tried here yet, where the robot stands for too long or comes nowhere.
+    fn follow(&mut self, now_ns: u64, pose: &Pose2, aim: &Aim, config: &Config) {
+        let is_unseen = self.held_back == HeldBack::Unseen as u32;
+        let is_free = self.held_back == HeldBack::Nothing as u32;
+        let patience_s = if is_unseen { config.unseen_s } else { config.boxed_in_s };
+        let stands = now_ns.saturating_sub(self.still_ns) >= span_ns(patience_s);
+        let lost = now_ns.saturating_sub(self.anchor_ns) >= span_ns(config.no_progress_s);
+        if !stands && !lost {
+            return;
+        }
+        self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
+        self.side = if aim.side < 0.0 { -1.0 } else { 1.0 };
+        (self.goal_x_m, self.goal_y_m) = aim.goal_m;
+        self.bear(pose);
+        // Who hesitates goes on; who is held back sees more from farther off.
+        let phase = match (self.advanced, self.backed, self.scanned) {
+            (0, ..) if is_free => ADVANCE,
+            (_, 0, _) => BACK_UP,
+            (0, ..) => ADVANCE,
+            (.., 0) => SCAN,
+            _ => REST,
+        };
+        self.trouble = *pose;
+        self.begin(phase, now_ns, pose);
+    }
+
+    /// Takes the bearing of the goal of the advance; returns its distance `[m]`.
+    fn bear(&mut self, pose: &Pose2) -> f64 {
+        let (x_m, y_m) = pose.inverse_transform(self.goal_x_m, self.goal_y_m);
+        self.bearing_rad = libm::atan2(y_m, x_m) as f32;
+        libm::hypot(x_m, y_m)
     }
 
     /// Moves the anchor on where the robot came on since: by way, or for a while by turning.
@@ -189,7 +255,7 @@ impl Recovery {
         let boxed_in = self.cause == Reason::BoxedIn as u32;
         if self.phase == REST && (boxed_in && free || may_retry && waited) {
             self.begin(FOLLOW, now_ns, pose);
-            (self.scanned, self.backed) = (0, 0);
+            self.try_all();
         }
     }
 
@@ -210,6 +276,13 @@ impl Recovery {
         match self.phase {
             SCAN => Action::Scan(Twist::new(0.0, self.side * config.escape_turn_rad_s)),
             BACK_UP => Action::BackUp(Twist::new(-config.back_up_m_s, 0.0)),
+            STRAIGHT => Action::Advance(Twist::new(ADVANCE_M_S, 0.0)),
+            ADVANCE => {
+                let part = (1.0 - self.bearing_rad.abs() / TURN_FIRST_RAD).max(0.0);
+                let most = config.escape_turn_rad_s;
+                let turn_rad_s = (TURN_GAIN * self.bearing_rad).clamp(-most, most);
+                Action::Advance(Twist::new(ADVANCE_M_S * part, turn_rad_s))
+            }
             REST if self.cause == Reason::BoxedIn as u32 => Action::Rest(Reason::BoxedIn),
             REST => Action::Rest(Reason::NoProgress),
             _ => Action::Follow,

@@ -62,6 +62,8 @@ pub(crate) struct Question {
     pub(crate) side: f32,
     /// Whether turning and backing up may replace the wish.
     pub(crate) escapes: bool,
+    /// Whether the wish may lose its turn.
+    pub(crate) straightens: bool,
 }
 
 /// The filter of one step.
@@ -85,17 +87,17 @@ impl Filter<'_> {
         if wish.v_m_s.abs() < 1e-3 && wish.w_rad_s.abs() < 1e-3 {
             return Filtered { scale: 1.0, ..self.brake(question, Reason::Clear, NO_CELL) };
         }
-        let cell = match self.nudge(question, wish, escape) {
+        let cell = match self.along(question, wish, escape) {
+            Ok(filtered) => return filtered,
             Err(cell) => cell,
-            Ok(()) => match self.largest(question, wish) {
-                (Some((motion, scale)), cell) => {
-                    let clear = scale >= 1.0;
-                    let reason = if clear { Reason::Clear } else { Reason::Slowed };
-                    return Filtered { motion, scale, reason, cell: if clear { NO_CELL } else { cell } };
-                }
-                (None, cell) => cell,
-            },
         };
+        if question.straightens && wish.v_m_s.abs() > self.config.crawl_m_s && wish.w_rad_s != 0.0 {
+            // A corner that swings out meets cells which the flank passes.
+            let straight = Twist::new(wish.v_m_s, 0.0);
+            if let Ok(filtered) = self.along(question, straight, escape) {
+                return Filtered { scale: 0.0, reason: Reason::Straight, cell, ..filtered };
+            }
+        }
         if question.escapes && question.from.twist.v_m_s.abs() < SLOW_M_S {
             let found = self.turn(question, wish, escape).or_else(|| self.back_up(question, escape));
             if let Some((motion, reason)) = found {
@@ -104,6 +106,16 @@ impl Filter<'_> {
             }
         }
         self.brake(question, Reason::Braking, cell)
+    }
+
+    /// As much of a wish as is safe, or the cell in the way.
+    fn along(&self, question: &Question, wish: Twist, escape: &Escape) -> Result<Filtered, u32> {
+        self.nudge(question, wish, escape)?;
+        let (found, cell) = self.largest(question, wish);
+        let (motion, scale) = found.ok_or(cell)?;
+        let clear = scale >= 1.0;
+        let reason = if clear { Reason::Clear } else { Reason::Slowed };
+        Ok(Filtered { motion, scale, reason, cell: if clear { NO_CELL } else { cell } })
     }
 
     /// Whether a robot that hardly moves has room to move at all along the wish: one tick's worth of speed is always

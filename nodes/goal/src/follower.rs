@@ -2,6 +2,9 @@
 //!
 //! The farthest point in look-ahead that the robot sees over free ground. Where the path runs into an obstacle, a free
 //! point of the path behind it, seen or not: the planner goes round. Where the path only turns out of sight, the turn.
+//!
+//! The shortest path cuts corners, where the planners of eq. (6) pay for every step and nobody sees the floor in time. So
+//! each point is taken where there is room beside it.
 
 use crate::config::Config;
 use crate::sight::Sight;
@@ -13,7 +16,18 @@ const STRIDE_M: f64 = 0.1;
 /// Points after the last visible one in which an obstacle on the path is looked for; beyond, a turn hides it.
 const NEAR_POINTS: usize = 3;
 
-/// A point of the path.
+/// `[m]` how far beside the path there may be more room, and in which steps it is looked for.
+const BESIDE_M: f32 = 0.35;
+const BESIDE_STEP_M: f32 = 0.05;
+/// `[1]` planning cost below which a point has room enough, and `[1/m]` cost of leaving the path.
+const ROOMY: f32 = 0.1;
+const LEAVING_PER_M: f32 = 0.5;
+/// `[m]` half of the piece of path that gives its direction.
+const PIECE_M: f64 = 0.15;
+/// `[m]` this near to its end a path is kept to: there it says where to be.
+const END_M: f64 = 0.2;
+
+/// A point of the path, or beside it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Waypoint {
     /// `[m]` along the path.
@@ -35,9 +49,31 @@ struct Ahead<'a> {
 impl Ahead<'_> {
     fn waypoint(&self, number: usize) -> Waypoint {
         let along_m = (self.progress_m + number as f64 * STRIDE_M).min(self.track.length_m());
-        let (x_m, y_m) = self.track.at(along_m);
+        let (x_m, y_m) = self.in_base(along_m);
+        if along_m > self.track.length_m() - END_M || self.sight.cost(x_m, y_m) <= ROOMY {
+            return Waypoint { along_m, x_m, y_m };
+        }
+        let (from_x_m, from_y_m) = self.in_base((along_m - PIECE_M).max(0.0));
+        let (to_x_m, to_y_m) = self.in_base(along_m + PIECE_M);
+        let (dx_m, dy_m) = (to_x_m - from_x_m, to_y_m - from_y_m);
+        let piece_m = libm::hypotf(dx_m, dy_m).max(1e-6);
+        let beside = |left_m: f32| (x_m - left_m * dy_m / piece_m, y_m + left_m * dx_m / piece_m);
+        let price = |left_m: f32| {
+            let (x_m, y_m) = beside(left_m);
+            self.sight.cost(x_m, y_m).max(ROOMY) + LEAVING_PER_M * left_m.abs()
+        };
+        let steps = (BESIDE_M / BESIDE_STEP_M) as i32;
+        let aside = (-steps..=steps).map(|step| step as f32 * BESIDE_STEP_M);
+        let cheapest = aside.min_by(|a, b| price(*a).total_cmp(&price(*b)));
+        let (x_m, y_m) = beside(cheapest.unwrap_or(0.0));
+        Waypoint { along_m, x_m, y_m }
+    }
+
+    /// `[m]` a point of the path in `base`.
+    fn in_base(&self, along_m: f64) -> (f32, f32) {
+        let (x_m, y_m) = self.track.at(along_m.min(self.track.length_m()));
         let (x_m, y_m) = self.pose.inverse_transform(x_m, y_m);
-        Waypoint { along_m, x_m: x_m as f32, y_m: y_m as f32 }
+        (x_m as f32, y_m as f32)
     }
 
     /// Number of the last point within a distance along the path; the end itself is a point.
@@ -133,6 +169,27 @@ mod tests {
         let corner = map(|x, y| x < 0.7 && y > 0.5);
         let waypoint = chosen(&[(0.0, 0.0), (1.1, 0.0), (1.1, 9.0)], &corner).unwrap();
         assert!(waypoint.x_m > 1.0 && waypoint.y_m > 0.3 && waypoint.y_m < 1.0, "{waypoint:?}");
+    }
+
+    /// On the left it is dear, as beside a wall: the waypoint moves to the right. Where it is dear everywhere, it stays.
+    #[test]
+    fn beside_a_wall_the_waypoint_lies_where_there_is_room() {
+        let dear = |dear: fn(f32) -> bool| {
+            let mut map = map(|_, _| false);
+            for (index, cell) in map.planning_cost.iter_mut().enumerate() {
+                let (_, y_m) = LOCAL_GRID.centre(index / LOCAL_SIDE, index % LOCAL_SIDE);
+                *cell = if dear(y_m) { 90 } else { 0 };
+            }
+            map
+        };
+        let left = dear(|y_m| y_m > 0.0);
+        let waypoint = chosen(&[(0.0, 0.1), (9.0, 0.1)], &left).unwrap();
+        assert!((2.1..2.3).contains(&waypoint.x_m) && (-0.1..0.0).contains(&waypoint.y_m), "{waypoint:?}");
+        let waypoint = chosen(&[(0.0, 0.1), (9.0, 0.1)], &dear(|_| true)).unwrap();
+        assert!((waypoint.y_m - 0.1).abs() < 1e-6, "{waypoint:?}");
+        // Its end is where the path says.
+        let waypoint = chosen(&[(0.0, 0.1), (2.0, 0.1)], &left).unwrap();
+        assert!((waypoint.y_m - 0.1).abs() < 1e-6, "{waypoint:?}");
     }
 
     #[test]

@@ -42,6 +42,10 @@ fn wishes_and_walls_reach_their_reasons() {
     let wall = |x: f64| [[x, -3.0, x + 1.0, 3.0]];
     reach(Reason::Clear, &mut stage(&[]), 0, |_, _| ());
     reach(Reason::Slowed, &mut stage(&wall(1.2)), 0, |_, _| ());
+    // Beside the flanks there is room to go on, none to turn.
+    let mut lane = stage(&[[-3.0, 0.31, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.31]]);
+    lane.wish = Twist::new(0.3, 0.5);
+    reach(Reason::Straight, &mut lane, 0, |_, _| ());
     reach(Reason::Rotating, &mut stage(&wall(0.8)), 0, |_, _| ());
     let slot = [[0.25, -3.0, 1.0, 3.0], [-3.0, 0.34, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.34]];
     reach(Reason::Reversing, &mut stage(&slot), 0, |_, _| ());
@@ -84,6 +88,7 @@ fn sources_reach_their_reasons() {
     let mut lost = stage(&[]);
     lost.wish = Twist::STOP;
     reach(Reason::ScanRotation, &mut lost, 0, |_, _| ());
+    reach(Reason::Advance, &mut lost, 0, |_, _| ());
     reach(Reason::BackUp, &mut lost, 0, |_, _| ());
     lost.solids = vec![[-1.0, -3.0, lost.pose.x_m - 0.2, 3.0]];
     reach(Reason::NoProgress, &mut lost, 0, |_, _| ());

@@ -34,6 +34,7 @@ fn reason_level(reason: u32) -> Level {
         Some(
             Reason::Clear
             | Reason::Slowed
+            | Reason::Straight
             | Reason::Rotating
             | Reason::Teleop
             | Reason::Arrived
@@ -41,7 +42,8 @@ fn reason_level(reason: u32) -> Level {
             | Reason::Hold
             | Reason::Starting
             | Reason::AwaitOperator
-            | Reason::ScanRotation,
+            | Reason::ScanRotation
+            | Reason::Advance,
         ) => Level::Info,
         _ => Level::Warning,
     }

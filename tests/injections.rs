@@ -1,0 +1,130 @@
+//! Liveness by the hundred: nodes are stopped at random moments of a drive, and the time to the answer is measured.
+//!
+//! `SIDESTEP_INJECTIONS=40 cargo test --release injections -- --nocapture` prints the table; by default each row is tried
+//! a few times, and only the order of things is asserted, never a wall clock.
+
+use crate::faults::{Drive, Random, is};
+use crate::harness::send_signal;
+use sidestep_bus::{Keep, host_ns, pause};
+use sidestep_msgs::{Command, ODOMETRY, Odometry, Reason, Robot, Winner};
+use std::time::Duration;
+
+/// A node that is stopped keeps its process: what is measured is the graph's answer, not the launcher's.
+const PATIENT: &[&str] = &["--set", "supervision.hang_ms=60000"];
+
+fn injections() -> usize {
+    std::env::var("SIDESTEP_INJECTIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(3)
+}
+
+/// What must follow once these nodes are silent.
+struct Row {
+    name: &'static str,
+    nodes: &'static [&'static str],
+    answers: fn(&Command) -> bool,
+}
+
+const ROWS: [Row; 5] = [
+    Row { name: "mapper", nodes: &["mapper"], answers: |command| is(command, Reason::StaleMap) },
+    Row {
+        name: "goal",
+        nodes: &["goal"],
+        answers: |command| is(command, Reason::StaleGoal) || is(command, Reason::StaleProposals),
+    },
+    Row {
+        name: "both proposers",
+        nodes: &["policy", "expert"],
+        answers: |command| is(command, Reason::StaleProposals),
+    },
+    Row { name: "odometry", nodes: &["sim"], answers: |command| is(command, Reason::StaleOdometry) },
+    Row {
+        name: "lead alone, switch",
+        nodes: &["expert"],
+        answers: |command| is(command, Reason::OtherProposal) && command.winner == Winner::Policy as u32,
+    },
+];
+
+/// `[ms]` median, 99th percentile and maximum.
+fn line(name: &str, mut times_ms: Vec<f64>) -> String {
+    times_ms.sort_by(f64::total_cmp);
+    let at = |part: f64| times_ms[((times_ms.len() - 1) as f64 * part).ceil() as usize];
+    format!("{name:24} {:4} {:7.1} {:7.1} {:7.1}", times_ms.len(), at(0.5), at(0.99), at(1.0))
+}
+
+fn drives(command: &Command) -> bool {
+    is(command, Reason::Clear) && command.winner == Winner::Expert as u32 && command.twist.v_m_s > 0.3
+}
+
+/// A moment that no cycle of the graph is in step with.
+fn wait_a_little(random: &mut Random) {
+    pause(Duration::from_micros(300_000 + random.below(200_000)));
+}
+
+#[test]
+fn injections_are_answered_within_the_ages() {
+    let mut random = Random(21);
+    eprintln!("silent, answer after [ms]   n     p50     p99     max   seed 21");
+    for row in &ROWS {
+        let mut drive = Drive::start(&format!("inject-{}", row.nodes[0]), PATIENT);
+        let mut times_ms = Vec::new();
+        for _ in 0..injections() {
+            wait_a_little(&mut random);
+            drive.until("driving", drives);
+            let processes: Vec<_> = row.nodes.iter().map(|node| drive.running.node(node).unwrap()).collect();
+            let before_ns = host_ns();
+            processes.iter().for_each(|&process| send_signal(process, libc::SIGSTOP));
+            let seen = drive.until("the answer", row.answers);
+            processes.iter().for_each(|&process| send_signal(process, libc::SIGCONT));
+            let (answer_ns, _) = seen.last().unwrap();
+            times_ms.push(answer_ns.saturating_sub(before_ns) as f64 * 1e-6);
+            // Whatever is silent, no command to move rests on inputs above their ages.
+            for (now_ns, command) in &seen {
+                let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;
+                assert!(young || (row.answers)(command), "{} at {now_ns}: {command:?}", row.name);
+            }
+        }
+        eprintln!("{}", line(row.name, times_ms));
+        drive.end();
+    }
+}
+
+/// The arbiter falls silent: the base brakes when the last command ends, and rests after its dead time and v / brake.
+#[test]
+fn injections_into_the_arbiter_are_answered_by_the_base() {
+    let robot = Robot::from_toml("loomo", include_str!("../launch/robots/loomo.toml")).unwrap();
+    let mut random = Random(22);
+    let mut drive = Drive::start("inject-arbiter", PATIENT);
+    let mut odometry = drive.link.inbox(ODOMETRY, Keep::All).unwrap();
+    let (mut begun_ms, mut beyond_ms) = (Vec::new(), Vec::new());
+    for _ in 0..injections() {
+        wait_a_little(&mut random);
+        drive.until("driving", drives);
+        let arbiter = drive.running.node("arbiter").unwrap();
+        odometry.each(&mut drive.step, |_, _| ()).unwrap();
+        send_signal(arbiter, libc::SIGSTOP);
+        let mut seen: Vec<Odometry> = Vec::new();
+        let (link, step) = (&mut drive.link, &mut drive.step);
+        drive.running.wait_for("rest", |_| {
+            link.look(step).unwrap();
+            odometry.each(step, |message, _| seen.push(*message)).unwrap();
+            seen.last().filter(|odometry| odometry.twist.v_m_s == 0.0).map(|_| ())
+        });
+        let mut valid_until_ns = 0;
+        drive.commands.each(step, |command, _| valid_until_ns = command.valid_until_ns).unwrap();
+        send_signal(arbiter, libc::SIGCONT);
+        let over = seen.iter().position(|odometry| odometry.stamp_ns > valid_until_ns).unwrap();
+        let rolls_m_s = seen[over.saturating_sub(1)].twist.v_m_s;
+        assert!(rolls_m_s > 0.2, "it stopped before its command ended: {rolls_m_s} m/s");
+        let since_ms = |odometry: &Odometry| (odometry.stamp_ns - valid_until_ns) as f64 * 1e-6;
+        let begun = seen[over..].iter().find(|odometry| odometry.twist.v_m_s < rolls_m_s - 0.005).unwrap();
+        let rest = seen.iter().find(|odometry| odometry.twist.v_m_s == 0.0).unwrap();
+        let brake_m_s2 = robot.actuator.brake_min_m_s2;
+        begun_ms.push(since_ms(begun));
+        beyond_ms.push(since_ms(rest) - f64::from(rolls_m_s / brake_m_s2) * 1e3);
+        let falls = |pair: &[Odometry]| pair[1].twist.v_m_s <= pair[0].twist.v_m_s + 1e-4;
+        assert!(seen[over..].windows(2).all(falls), "it sped up without a command");
+    }
+    eprintln!("arbiter silent, after its last command ended [ms]   n     p50     p99     max   seed 22");
+    eprintln!("{}", line("base slower by 5 mm/s", begun_ms));
+    eprintln!("{}", line("rest beyond v / brake", beyond_ms));
+    drive.end();
+}
