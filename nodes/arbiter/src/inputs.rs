@@ -23,6 +23,8 @@ pub(crate) struct Wish {
     pub(crate) stamps: Stamps,
     /// Frame of the newest message, good or not.
     pub(crate) source_frame: u64,
+    /// `[ns]` capture stamp of the newest message, good or not.
+    heard_ns: u64,
     pub(crate) twist: Twist,
     pub(crate) doubt_v_m_s: f32,
     pub(crate) doubt_w_rad_s: f32,
@@ -42,6 +44,7 @@ impl Wish {
         let twist = proposal.twist;
         let fit = header.status == Status::Ok as u32 && twist.is_finite();
         let good = self.stamps.offer(proposal.capture_ns, header.now_ns, fit);
+        self.heard_ns = proposal.capture_ns;
         self.status = header.status;
         self.unfit = u32::from(!fit);
         self.good = if good { self.good.saturating_add(1) } else { 0 };
@@ -59,6 +62,11 @@ impl Wish {
     /// Whether it may drive.
     pub(crate) fn is_usable(&self, now_ns: u64, limit_s: f32) -> bool {
         self.unfit == 0 && self.stamps.is_fresh(now_ns, limit_s)
+    }
+
+    /// Whether its sender lives and its newest message cannot be driven.
+    pub(crate) fn refuses(&self, now_ns: u64, limit_s: f32) -> bool {
+        self.unfit != 0 && now_ns.abs_diff(self.heard_ns) <= span_ns(limit_s)
     }
 }
 
@@ -147,14 +155,19 @@ impl Inputs {
         if self.teleop_stamps.offer(teleop.stamp_ns, 0, fit) {
             self.teleop = teleop;
         } else if !fit && teleop.dead_man != 0 {
-            // A person holds on and cannot be understood: stop.
+            // A person holds on and cannot be understood: stop. What a released stick said before is nobody's wish.
+            if self.teleop.dead_man == 0 {
+                (self.teleop.v_m_s, self.teleop.w_rad_s) = (0.0, 0.0);
+            }
             self.teleop.dead_man = 1;
         }
     }
 
-    /// Gives the robot back to the graph after a stick fell silent.
-    pub(crate) fn release_teleop(&mut self) {
-        self.teleop.dead_man = 0;
+    /// Gives the robot back to the graph after a stick fell silent; one that speaks keeps it.
+    pub(crate) fn release_teleop(&mut self, now_ns: u64, limit_s: f32) {
+        if !self.teleop_stamps.is_fresh(now_ns, limit_s) {
+            self.teleop.dead_man = 0;
+        }
     }
 
     pub(crate) fn take_ranges(&mut self, ranges: &Ranges) {

@@ -3,5 +3,6 @@
 mod arbitration;
 mod closed_loop;
 mod escapes;
+mod modes;
 mod properties;
 mod reasons;
