@@ -3,6 +3,8 @@
 mod arbitration;
 mod closed_loop;
 mod escapes;
+mod garbage;
 mod modes;
 mod properties;
 mod reasons;
+mod trust;
