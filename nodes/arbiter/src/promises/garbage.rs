@@ -97,6 +97,15 @@ fn a_stick_with_any_number_that_is_none_stops_when_the_last_good_one_expires() {
         stage.arbiter.teleop(&Teleop { stamp_ns, v_m_s: f32::NAN, ..Teleop::default() });
     });
     assert_eq!(reason, Reason::Clear as u32);
+    // A held stick of long ago that arrives after its release takes it neither.
+    for age_ns in [0, 50 * MS] {
+        let mut stage = driving(FORWARD);
+        let stamp_ns = stage.now_ns;
+        stage.arbiter.teleop(&Teleop { stamp_ns, ..Teleop::default() });
+        let old = Teleop { stamp_ns: stamp_ns - age_ns, v_m_s: 0.3, dead_man: 1, ..Teleop::default() };
+        stage.arbiter.teleop(&old);
+        assert_eq!(stage.tick().reason, Reason::Clear as u32, "{age_ns} ns");
+    }
 }
 
 #[test]
@@ -181,10 +190,16 @@ fn odometry_is_frozen_only_where_neither_pose_nor_twist_changes_for_100_ms() {
         }
         send(&mut stage, same);
         assert_eq!(stage.command.reason, Reason::FrozenOdometry as u32, "{wish:?}");
+        send(&mut stage, Odometry { roll_rad: 0.01, ..same });
+        assert_eq!(stage.command.reason, Reason::FrozenOdometry as u32, "a head that nods moves no wheel");
         let mut other = same;
-        other.pose.yaw_rad += 1e-9;
-        send(&mut stage, other);
-        assert_ne!(stage.command.reason, Reason::FrozenOdometry as u32, "{wish:?}");
+        for turn in 1..40 {
+            // The pose stands and the last bit of the twist does not.
+            let last = if turn < 20 { &mut other.twist.w_rad_s } else { &mut other.twist.v_m_s };
+            *last = f32::from_bits(last.to_bits() ^ 1);
+            send(&mut stage, other);
+            assert_ne!(stage.command.reason, Reason::FrozenOdometry as u32, "{wish:?} {turn}");
+        }
     }
     // Told to move too slowly to be sure, or not for long enough.
     for (wish, ticks) in [(Twist::new(0.09, 0.0), 200), (Twist::new(0.0, 0.29), 200), (FORWARD, 40)] {
