@@ -267,7 +267,7 @@ impl Arbiter {
     /// The order: latch, hold, start, faults, teleop, goal, lead, other proposal, stop.
     fn intent(&mut self, fault: Option<Reason>, now_ns: u64) -> Intent {
         self.memory.selection.watch(&self.memory.inputs, &self.config, now_ns);
-        if self.memory.operator.is_starting() && self.memory.last.is_rest() && !self.is_rolling() {
+        if self.memory.last.is_rest() && !self.is_rolling() {
             self.memory.operator.rested(self.config.resume);
         }
         // Who starts without odometry cannot know when the robot rests: what is missing is the reason.
