@@ -181,7 +181,8 @@ impl Arbiter {
         if matches!(obeyed, Some(EstopAction::Reset | EstopAction::Resume)) {
             self.memory.recovery.forgive();
             self.memory.inputs.forgive_frozen();
-            self.memory.inputs.release_teleop();
+            let memory = &mut self.memory;
+            memory.inputs.release_teleop(memory.last_ns, self.config.teleop_age_s);
         }
     }
 
@@ -202,9 +203,11 @@ impl Arbiter {
         self.memory.source_frame
     }
 
+    /// Whether the robot is not known to rest: a rest that nobody measured is not known.
     fn is_rolling(&self) -> bool {
-        let twist = self.memory.inputs.odometry.twist;
-        twist.v_m_s.abs() > REST_M_S || twist.w_rad_s.abs() > REST_RAD_S
+        let inputs = &self.memory.inputs;
+        let twist = inputs.odometry.twist;
+        !inputs.odometry_stamps.is_known() || twist.v_m_s.abs() > REST_M_S || twist.w_rad_s.abs() > REST_RAD_S
     }
 
     /// Makes the command of graph time `now_ns`; `open_loop` = the sensors are a recording that no command can change.
@@ -263,11 +266,16 @@ impl Arbiter {
 
     /// The order: latch, hold, start, faults, teleop, goal, lead, other proposal, stop.
     fn intent(&mut self, fault: Option<Reason>, now_ns: u64) -> Intent {
-        if self.memory.operator.is_starting() && self.memory.last.is_rest() && !self.is_rolling() {
+        self.memory.selection.watch(&self.memory.inputs, &self.config, now_ns);
+        if self.memory.last.is_rest() && !self.is_rolling() {
             self.memory.operator.rested(self.config.resume);
         }
-        if let Some(reason) = self.memory.operator.stop() {
-            return Intent::Stop { reason, status: Status::Hold };
+        // Who starts without odometry cannot know when the robot rests: what is missing is the reason.
+        let blind = !self.memory.inputs.odometry_stamps.is_known();
+        match self.memory.operator.stop() {
+            Some(Reason::Starting) if blind => {}
+            Some(reason) => return Intent::Stop { reason, status: Status::Hold },
+            None => {}
         }
         if let Some(reason) = fault {
             let status = match reason {
@@ -303,8 +311,8 @@ impl Arbiter {
         }
         match memory.selection.select(&memory.inputs, config, now_ns) {
             Ok(selected) => Intent::Drive(selected),
-            // Both live and see no way: the recovery is asked, as when the filter sees none.
-            Err(Reason::UnfitProposals) if Selection::is_infeasible(&memory.inputs) => {
+            // Somebody lives and sees no way: the recovery is asked, as when the filter sees none.
+            Err(Reason::UnfitProposals) if Selection::is_infeasible(&memory.inputs, config, now_ns) => {
                 Intent::Drive(Selected {
                     winner: Winner::Stop,
                     twist: Twist::STOP,

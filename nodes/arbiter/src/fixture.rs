@@ -68,6 +68,7 @@ pub(crate) fn map_of(solids: &[Solid], pose: &Pose2, capture_ns: u64) -> Box<Saf
 }
 
 /// An arbiter with all its inputs alive, on a base with dead time and lag.
+#[derive(Clone)]
 pub(crate) struct Stage {
     pub(crate) robot: Robot,
     pub(crate) arbiter: Arbiter,
@@ -82,6 +83,8 @@ pub(crate) struct Stage {
     pub(crate) goal_status: Status,
     pub(crate) mute: Mute,
     pub(crate) command: Command,
+    /// What the last step returned.
+    pub(crate) status: Status,
     sent: Vec<(u64, Twist)>,
     dither: u32,
 }
@@ -116,6 +119,7 @@ impl Stage {
             goal_status: Status::Ok,
             mute: Mute::default(),
             command: Command::default(),
+            status: Status::Ok,
             sent: Vec::new(),
             dither: 0,
         }
@@ -174,7 +178,7 @@ impl Stage {
     /// One tick without inputs.
     pub(crate) fn step(&mut self) -> Command {
         let mut command = Command::default();
-        self.arbiter.step(self.now_ns, false, &mut command);
+        self.status = self.arbiter.step(self.now_ns, false, &mut command);
         self.command = command;
         self.sent.push((self.now_ns, command.twist));
         for _ in 0..10 {

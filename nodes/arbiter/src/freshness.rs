@@ -60,6 +60,11 @@ impl Stamps {
         self.trouble == NONE
     }
 
+    /// Whether a good message came.
+    pub(crate) fn is_known(&self) -> bool {
+        self.taken != 0
+    }
+
     /// `[ns]` age of the last good message, or `None` before one came.
     pub(crate) fn age_ns(&self, now_ns: u64) -> Option<u64> {
         (self.taken != 0).then(|| now_ns.saturating_sub(self.stamp_ns))

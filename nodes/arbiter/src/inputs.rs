@@ -23,6 +23,8 @@ pub(crate) struct Wish {
     pub(crate) stamps: Stamps,
     /// Frame of the newest message, good or not.
     pub(crate) source_frame: u64,
+    /// `[ns]` capture stamp of the newest message, good or not.
+    heard_ns: u64,
     pub(crate) twist: Twist,
     pub(crate) doubt_v_m_s: f32,
     pub(crate) doubt_w_rad_s: f32,
@@ -42,6 +44,7 @@ impl Wish {
         let twist = proposal.twist;
         let fit = header.status == Status::Ok as u32 && twist.is_finite();
         let good = self.stamps.offer(proposal.capture_ns, header.now_ns, fit);
+        self.heard_ns = proposal.capture_ns;
         self.status = header.status;
         self.unfit = u32::from(!fit);
         self.good = if good { self.good.saturating_add(1) } else { 0 };
@@ -60,6 +63,11 @@ impl Wish {
     pub(crate) fn is_usable(&self, now_ns: u64, limit_s: f32) -> bool {
         self.unfit == 0 && self.stamps.is_fresh(now_ns, limit_s)
     }
+
+    /// Whether its sender lives and its newest message cannot be driven.
+    pub(crate) fn refuses(&self, now_ns: u64, limit_s: f32) -> bool {
+        self.unfit != 0 && now_ns.abs_diff(self.heard_ns) <= span_ns(limit_s)
+    }
 }
 
 /// What the arbiter keeps of its inputs; the cells of the map are kept beside it.
@@ -76,13 +84,11 @@ pub(crate) struct Inputs {
     pub(crate) map_pose: Pose2,
     pub(crate) map_frame: u64,
     pub(crate) goal_stamps: Stamps,
-    pub(crate) goal_x_m: f32,
     pub(crate) goal_y_m: f32,
     pub(crate) goal_status: u32,
     pub(crate) map_epoch: u32,
     /// 1 while the frozen odometry was not seen to change.
     frozen: u32,
-    _pad: u32,
     pub(crate) policy: Wish,
     pub(crate) expert: Wish,
     pub(crate) teleop: Teleop,
@@ -136,7 +142,6 @@ impl Inputs {
         let fit = told.iter().any(|status| *status as u32 == header.status);
         if self.goal_stamps.offer(goal.capture_ns, header.now_ns, fit) {
             self.goal_status = header.status;
-            self.goal_x_m = goal.x_m;
             self.goal_y_m = goal.y_m;
         }
     }
@@ -147,14 +152,19 @@ impl Inputs {
         if self.teleop_stamps.offer(teleop.stamp_ns, 0, fit) {
             self.teleop = teleop;
         } else if !fit && teleop.dead_man != 0 {
-            // A person holds on and cannot be understood: stop.
+            // A person holds on and cannot be understood: stop. What a released stick said before is nobody's wish.
+            if self.teleop.dead_man == 0 {
+                (self.teleop.v_m_s, self.teleop.w_rad_s) = (0.0, 0.0);
+            }
             self.teleop.dead_man = 1;
         }
     }
 
-    /// Gives the robot back to the graph after a stick fell silent.
-    pub(crate) fn release_teleop(&mut self) {
-        self.teleop.dead_man = 0;
+    /// Gives the robot back to the graph after a stick fell silent; one that speaks keeps it.
+    pub(crate) fn release_teleop(&mut self, now_ns: u64, limit_s: f32) {
+        if !self.teleop_stamps.is_fresh(now_ns, limit_s) {
+            self.teleop.dead_man = 0;
+        }
     }
 
     pub(crate) fn take_ranges(&mut self, ranges: &Ranges) {

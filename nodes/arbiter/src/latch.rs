@@ -51,4 +51,22 @@ mod tests {
         next.keep(false);
         assert!(!LatchFile::at("", &folder, &run).is_latched());
     }
+
+    #[test]
+    fn a_named_file_is_used_instead_and_touched_only_by_a_change() {
+        let file = std::env::temp_dir().join(format!("sidestep-named-latch-{}", std::process::id()));
+        let named = file.to_string_lossy().into_owned();
+        let mut latch = LatchFile::at(&named, Path::new("/nowhere"), "run");
+        latch.keep(false);
+        assert!(!latch.is_latched() && !file.exists());
+        latch.keep(true);
+        assert!(latch.is_latched() && file.exists());
+        std::fs::remove_file(&file).unwrap();
+        latch.keep(true);
+        assert!(!file.exists(), "nothing changed, nothing is written");
+        // A disk that refuses does not stop the stop.
+        let mut refused = LatchFile::at("/nowhere/at/all", Path::new("/"), "run");
+        refused.keep(true);
+        assert!(refused.is_latched());
+    }
 }

@@ -74,7 +74,9 @@ impl Limiter {
         let gentle = jerk * (libm::sqrtf(0.25 * dt_s * dt_s + 2.0 * missing.abs() / jerk) - 0.5 * dt_s);
         let gentle = gentle.min(missing.abs() / dt_s);
         let change = jerk * dt_s;
-        let before = from.acceleration_m_s2.clamp(least, most);
+        // Who stands has no acceleration left but towards the wish: else a brake's would carry the robot past zero.
+        let ended = v.abs() < STILL_M_S && from.acceleration_m_s2 * missing <= 0.0;
+        let before = if ended { 0.0 } else { from.acceleration_m_s2.clamp(least, most) };
         let acceleration =
             gentle.copysign(missing).clamp(before - change, before + change).clamp(least, most);
         let mut next = (v + acceleration * dt_s).clamp(-l.reverse_m_s, l.forward_m_s);
@@ -170,6 +172,22 @@ mod tests {
             }
         }
         assert!((99..=102).contains(&ticks), "{ticks}");
+    }
+
+    /// A brake that ends in this very tick leaves its deceleration behind; the next wish must not be answered with it.
+    #[test]
+    fn a_wish_right_after_a_stop_never_moves_the_other_way() {
+        for wish in [Twist::new(0.15, 0.0), Twist::new(0.0, 0.5), Twist::new(-0.15, 0.0)] {
+            for speed in [0.004, -0.004] {
+                let mut motion = limiter().brake(&Motion::steady(Twist::new(speed, 0.0)), 0.01, false);
+                assert_eq!(motion.twist, Twist::STOP);
+                for _ in 0..10 {
+                    motion = limiter().towards(&motion, wish, 0.01);
+                    let v = motion.twist.v_m_s;
+                    assert!(v * wish.v_m_s >= 0.0 && v.abs() <= wish.v_m_s.abs(), "{wish:?}: {motion:?}");
+                }
+            }
+        }
     }
 
     #[test]

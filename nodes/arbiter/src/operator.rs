@@ -57,17 +57,12 @@ impl Operator {
         Some(action)
     }
 
-    /// Ends the start once the robot is at rest.
+    /// The robot is at rest: a start, if there was one, is over.
     pub(crate) fn rested(&mut self, resume: Resume) {
         if self.starting != 0 {
             self.starting = 0;
             self.awaiting = u32::from(resume == Resume::Operator);
         }
-    }
-
-    /// Whether the robot still brakes to rest after a restart.
-    pub(crate) fn is_starting(&self) -> bool {
-        self.starting != 0
     }
 
     /// The reason to stop, in the order of their strength.

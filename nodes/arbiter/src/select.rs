@@ -33,7 +33,18 @@ pub(crate) struct Selected {
 }
 
 impl Selection {
-    /// The wish that drives.
+    /// Notes whether the lead is fit, and since when: at every step, whoever drives.
+    pub(crate) fn watch(&mut self, inputs: &Inputs, config: &Config, now_ns: u64) {
+        let doubt = self.doubt(&inputs.policy, config);
+        let (lead, doubt) = match config.lead {
+            Lead::Policy => (&inputs.policy, doubt),
+            Lead::Expert => (&inputs.expert, false),
+        };
+        let fit = lead.is_usable(now_ns, config.proposal_age_s) && !doubt;
+        self.count(lead, fit, now_ns);
+    }
+
+    /// The wish that drives, after [`Selection::watch`].
     ///
     /// # Errors
     /// The reason to stop.
@@ -49,9 +60,7 @@ impl Selection {
             Lead::Policy => (policy, expert, Winner::Policy, Winner::Expert),
             Lead::Expert => (expert, policy, Winner::Expert, Winner::Policy),
         };
-        let doubt = self.doubt(policy, config);
-        let lead_fit = usable(lead) && !(doubt && config.lead == Lead::Policy);
-        self.count(lead, lead_fit, now_ns);
+        let lead_fit = self.good_since_ns != 0;
         let chosen = |wish: &Wish, winner, reason| Selected {
             winner,
             twist: wish.twist,
@@ -64,7 +73,10 @@ impl Selection {
             if usable(lead) {
                 return Ok(chosen(lead, lead_winner, Reason::Clear));
             }
-            return Err(self.nobody(policy, expert, config, now_ns));
+            // Infeasible proposals do not refresh the stamp, but their sender lives: told apart by the newest message.
+            let refuses = |wish: &Wish| wish.refuses(now_ns, config.proposal_age_s);
+            let unfit = refuses(policy) || refuses(expert);
+            return Err(if unfit { Reason::UnfitProposals } else { Reason::StaleProposals });
         }
         if !lead_fit {
             self.other_drives = 1;
@@ -78,22 +90,11 @@ impl Selection {
         })
     }
 
-    /// Whether both proposers live and find no admissible motion.
-    pub(crate) fn is_infeasible(inputs: &Inputs) -> bool {
-        let infeasible = |wish: &Wish| wish.status == Status::Infeasible as u32;
-        infeasible(&inputs.policy) || infeasible(&inputs.expert)
-    }
-
-    fn nobody(&self, policy: &Wish, expert: &Wish, config: &Config, now_ns: u64) -> Reason {
-        // Infeasible proposals do not refresh the stamp, but their sender lives: told apart by the newest message.
-        let unfit = |wish: &Wish| wish.unfit != 0;
-        let stale = |wish: &Wish| !wish.stamps.is_fresh(now_ns, config.proposal_age_s);
-        if unfit(policy) && unfit(expert) || unfit(policy) && stale(expert) || unfit(expert) && stale(policy)
-        {
-            Reason::UnfitProposals
-        } else {
-            Reason::StaleProposals
-        }
+    /// Whether a proposer lives and finds no admissible motion.
+    pub(crate) fn is_infeasible(inputs: &Inputs, config: &Config, now_ns: u64) -> bool {
+        [&inputs.policy, &inputs.expert].into_iter().any(|wish| {
+            wish.status == Status::Infeasible as u32 && wish.refuses(now_ns, config.proposal_age_s)
+        })
     }
 
     fn doubt(&mut self, policy: &Wish, config: &Config) -> bool {

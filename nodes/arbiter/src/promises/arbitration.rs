@@ -197,3 +197,96 @@ fn a_recording_that_no_command_can_change_says_so_and_starts_no_recovery() {
         stage.pose = pose;
     }
 }
+
+/// The base rolls while an arbiter starts again, and its odometry comes later than the first steps.
+#[test]
+fn rest_that_nobody_measured_ends_neither_a_start_nor_a_latch() {
+    let mut stage = Stage::of(&Config::STANDARD, loomo(), &[], 1);
+    (stage.wish, stage.twist) = (FORWARD, FORWARD);
+    stage.arbiter.latch();
+    stage.mute.odometry = true;
+    stage.arbiter.estop(&say(EstopAction::Reset, 3));
+    let command = stage.ticks(5);
+    assert_eq!((command.latched, command.operator_token), (1, 0), "{command:?}");
+    stage.mute.odometry = false;
+    stage.ticks(3);
+    assert!(stage.twist.v_m_s > 0.1, "it still rolls");
+    stage.arbiter.estop(&say(EstopAction::Reset, 4));
+    assert_eq!(stage.tick().operator_token, 0);
+
+    let mut stage = Stage::of(&Config::STANDARD, loomo(), &[], 1);
+    (stage.wish, stage.twist) = (FORWARD, FORWARD);
+    stage.mute.odometry = true;
+    assert_eq!(stage.ticks(5).reason, Reason::NoOdometry as u32);
+    stage.mute.odometry = false;
+    while stage.tick().reason == Reason::Starting as u32 {
+        assert_eq!(stage.command.twist, Twist::STOP);
+    }
+    assert!(stage.twist.v_m_s.abs() < 0.03, "it started at {:?}", stage.twist);
+}
+
+/// The lead sees no way and then both die: nobody is left whom a recovery could help.
+#[test]
+fn proposers_that_died_are_silent_whatever_they_said_last() {
+    let mut stage = driving();
+    stage.mute = crate::fixture::Mute { policy: true, expert: true, ..Default::default() };
+    for tick in 0..1000 {
+        if tick < 10 {
+            let (proposal, header) = (stage.proposal(), stage.header(Status::Infeasible));
+            stage.arbiter.proposal(Winner::Policy, &proposal, &header);
+        }
+        let command = stage.tick();
+        let reason = if tick < 20 { Reason::UnfitProposals } else { Reason::StaleProposals };
+        assert!(tick < 12 || command.reason == reason as u32, "{tick}: {command:?}");
+        assert_ne!(command.winner, Winner::Recovery as u32, "{tick}");
+    }
+}
+
+/// The lead dies for a moment while a person drives.
+#[test]
+fn a_lead_that_failed_again_while_another_drove_is_trusted_no_sooner() {
+    let mut stage = driving();
+    let by_hand = |stage: &mut Stage, ticks: usize, dead_man: u32| {
+        for _ in 0..ticks {
+            let stamp_ns = stage.now_ns;
+            stage.arbiter.teleop(&sidestep_msgs::Teleop { stamp_ns, dead_man, ..Default::default() });
+            stage.tick();
+        }
+    };
+    stage.mute.policy = true;
+    stage.ticks(30);
+    stage.mute.policy = false;
+    stage.ticks(15);
+    assert_eq!(stage.command.winner, Winner::Expert as u32);
+    stage.mute.policy = true;
+    by_hand(&mut stage, 60, 1);
+    stage.mute.policy = false;
+    by_hand(&mut stage, 6, 1);
+    by_hand(&mut stage, 9, 0);
+    assert_eq!(stage.command.winner, Winner::Expert as u32, "good for 0.15 s only");
+    by_hand(&mut stage, 25, 0);
+    assert_eq!(stage.command.winner, Winner::Policy as u32);
+}
+
+#[test]
+fn a_stick_that_speaks_keeps_the_robot_through_a_reset_and_one_not_understood_wishes_nothing() {
+    let mut stage = driving();
+    let wish = |stage: &mut Stage, v_m_s, dead_man| {
+        let stamp_ns = stage.now_ns;
+        stage.arbiter.teleop(&sidestep_msgs::Teleop { stamp_ns, v_m_s, dead_man, ..Default::default() });
+    };
+    wish(&mut stage, 0.3, 0);
+    stage.tick();
+    wish(&mut stage, f32::NAN, 1);
+    let command = stage.tick();
+    assert_eq!((command.winner, command.wish), (Winner::Teleop as u32, Twist::STOP), "{command:?}");
+    wish(&mut stage, 0.3, 1);
+    stage.tick();
+    stage.arbiter.estop(&say(EstopAction::Resume, 5));
+    wish(&mut stage, 0.3, 1);
+    assert_eq!(stage.tick().winner, Winner::Teleop as u32);
+    stage.ticks(15);
+    assert_eq!(stage.command.reason, Reason::StaleTeleop as u32);
+    stage.arbiter.estop(&say(EstopAction::Resume, 6));
+    assert_eq!(stage.tick().winner, Winner::Policy as u32, "a stick that fell silent is given up");
+}

@@ -2,7 +2,7 @@
 
 use crate::Config;
 use crate::fixture::{Stage, map_of};
-use sidestep_msgs::{AGE_NEVER, AGE_OLDER, Header, Reason, SAFETY_GRID, Twist};
+use sidestep_msgs::{AGE_NEVER, AGE_OLDER, Header, LocalGoal, Reason, SAFETY_GRID, Twist};
 
 const CONFIG: Config = Config::STANDARD;
 
@@ -93,6 +93,22 @@ fn before_what_nobody_saw_it_backs_up_soon_and_before_what_stands_there_it_waits
     };
     let (soon, late) = (backs_up_after(true).unwrap(), backs_up_after(false).unwrap());
     assert!(late - soon > 150, "{soon} {late}");
+}
+
+/// A wall across the way and a wish straight at it: it turns to where the goal lies, or to where the wish turns.
+#[test]
+fn it_turns_to_the_side_of_the_wish_or_else_of_the_goal() {
+    for (turn, y_m, side) in [(0.0, 1.0, 1.0), (0.0, -1.0, -1.0), (0.06, -1.0, 1.0), (-0.06, 1.0, -1.0f32)] {
+        let mut stage = Stage::new(&CONFIG, &[[0.42, -3.0, 1.5, 3.0]]);
+        stage.wish = Twist::new(0.5, turn);
+        stage.mute.goal = true;
+        while stage.command.reason != Reason::Rotating as u32 {
+            let goal = LocalGoal { capture_ns: stage.now_ns, y_m, ..LocalGoal::default() };
+            stage.arbiter.local_goal(&goal, &Header::default());
+            stage.tick();
+        }
+        assert!(stage.command.twist.w_rad_s * side > 0.0, "{turn} {y_m}: {:?}", stage.command);
+    }
 }
 
 #[test]

@@ -3,5 +3,9 @@
 mod arbitration;
 mod closed_loop;
 mod escapes;
+mod garbage;
+mod modes;
+mod pauses;
 mod properties;
 mod reasons;
+mod trust;
