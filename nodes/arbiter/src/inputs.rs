@@ -84,11 +84,13 @@ pub(crate) struct Inputs {
     pub(crate) map_pose: Pose2,
     pub(crate) map_frame: u64,
     pub(crate) goal_stamps: Stamps,
+    pub(crate) goal_x_m: f32,
     pub(crate) goal_y_m: f32,
     pub(crate) goal_status: u32,
     pub(crate) map_epoch: u32,
     /// 1 while the frozen odometry was not seen to change.
     frozen: u32,
+    _pad: u32,
     pub(crate) policy: Wish,
     pub(crate) expert: Wish,
     pub(crate) teleop: Teleop,
@@ -142,6 +144,7 @@ impl Inputs {
         let fit = told.iter().any(|status| *status as u32 == header.status);
         if self.goal_stamps.offer(goal.capture_ns, header.now_ns, fit) {
             self.goal_status = header.status;
+            self.goal_x_m = goal.x_m;
             self.goal_y_m = goal.y_m;
         }
     }
