@@ -46,7 +46,7 @@ fn ten_good_frames_in_a_row_or_half_a_second_make_a_lead_good() {
     let mut stage = led_by_the_other(&Config::STANDARD);
     let mut last_ns = 0;
     let found = ticks_until_it_drives(&mut stage, |stage| {
-        if stage.now_ns / TICK % 2 == 0 {
+        if (stage.now_ns / TICK).is_multiple_of(2) {
             last_ns = stage.now_ns;
         }
         say(stage, Winner::Policy, last_ns, FORWARD);
