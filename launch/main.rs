@@ -21,6 +21,7 @@ mod notify;
 mod operator;
 mod output;
 mod play;
+mod recall;
 mod record;
 mod recordings;
 mod recover;
@@ -153,6 +154,8 @@ enum Commands {
     Tune(navigate::TuneArguments),
     /// Looks for a way to make the robot touch something in spite of the arbiter.
     Falsify(falsify::FalsifyArguments),
+    /// Counts how often what stands in the way is known before it is too late to brake.
+    Recall(recall::RecallArguments),
     /// Checks machine, installation and base before a drive.
     Doctor(doctor::DoctorArguments),
     /// Measures dead time, lag, braking and steady error of the base: in a recorded drive, or by driving steps.
@@ -330,6 +333,7 @@ fn execute(command: Commands) -> Result<(), Failure> {
         Commands::Navigate(arguments) => navigate::navigate(&arguments),
         Commands::Tune(arguments) => navigate::tune(&arguments),
         Commands::Falsify(arguments) => falsify::falsify(&arguments),
+        Commands::Recall(arguments) => recall::recall(&arguments),
         Commands::Doctor(arguments) => doctor::doctor(&arguments),
         Commands::Identify(arguments) => identify::identify(&arguments),
         Commands::Interface { c, .. } => {

@@ -107,4 +107,6 @@ fn what_cannot_be_learned_from_is_refused_with_what_is_needed() {
     refused(&["falsify", "--evaluations", "0"], 2, &["needed: at least 1"]);
     refused(&["falsify", "--relax", "gravity"], 2, &["gravity", "needed: brake, dead_time"]);
     refused(&["falsify", "--case", "inside:00"], 2, &["needed: NAME:DIGITS"]);
+    refused(&["recall", "--trials", "0"], 2, &["needed: 1 to 100000"]);
+    refused(&["recall", "--robot", "jackal"], 2, &["jackal", "no depth camera, needed"]);
 }

@@ -23,7 +23,7 @@ pub use error::NavigateError;
 pub use page::Navigation;
 pub use pilot::{Conditions, Driven, Ending};
 pub use room::{Course, GRADES, Grade, SIZE_M, WAY_M, room};
-pub use statistics::{Proportion, sign_flip_test};
+pub use statistics::sign_flip_test;
 pub use sudden::{Sudden, View, sudden};
 pub use suite::{Failure, GradeShare, Group, Suite, SuiteOptions, drive_courses, rooms};
 pub use tuning::{TUNING_SEED, Trial, tune};

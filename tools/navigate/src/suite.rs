@@ -3,11 +3,11 @@
 use crate::error::NavigateError;
 use crate::pilot::{Conditions, Driven, Ending, Pilot};
 use crate::room::{Course, room};
-use crate::statistics::Proportion;
 use serde::{Serialize, Serializer};
 use sidestep_crew::in_order;
 use sidestep_drive::{Lead, Sight};
 use sidestep_msgs::Robot;
+use sidestep_report::Proportion;
 
 /// Courses between two lines of progress.
 const PROGRESS: usize = 50;
