@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::learning::threads;
 use crate::manifest::robot_named;
 use clap::Args;
-use sidestep_recall::{CLASSES, Options, measure};
+use sidestep_recall::{CLASSES, Options, measure, speeds_m_s};
 use std::path::PathBuf;
 
 /// What to measure.
@@ -37,6 +37,7 @@ pub(crate) fn recall(arguments: &RecallArguments) -> Result<(), Failure> {
     let options = Options {
         robot: &robot,
         classes: &CLASSES,
+        speeds_m_s: &speeds_m_s(&robot),
         trials: arguments.trials,
         seed: arguments.seed,
         threads: threads(arguments.threads),

@@ -57,8 +57,9 @@ impl Judge {
 
     /// Whether the map marks the target, and whether it knows all of it to be free.
     ///
-    /// Only cells count that stop the robot before it touches: under the swept width, within the arbiter's margin of the
-    /// thing, and not beginning farther behind its near edge than that margin.
+    /// Only cells count that stop the robot in time: under the swept width, within the arbiter's margin of the thing, and
+    /// not beginning farther behind its near edge than a cell: finer the map is not, and an edge within a cell is told by
+    /// the next one.
     pub(crate) fn map(&self, map: &SafetyMap, target: &Target) -> (bool, bool) {
         let (mut is_marked, mut is_free) = (false, true);
         for index in 0..SAFETY_SIDE * SAFETY_SIDE {
@@ -88,7 +89,7 @@ impl Judge {
             let (x, y) = target.seen_from.transform(x + dx, y + dy);
             [x, y]
         });
-        x - half <= near_m + self.margin_m && solid.gap_m(&corners) <= self.margin_m
+        x - half <= near_m + 2.0 * half && solid.gap_m(&corners) <= self.margin_m
     }
 
     /// Whether the guard's nearest range in the way is that of the thing; of free floor, whether anything is nearer than

@@ -1,6 +1,6 @@
 //! Trials by the thousand, counted.
 
-use crate::class::{CLASSES, Class};
+use crate::class::Class;
 use crate::error::RecallError;
 use crate::reach::reach_m;
 use crate::trial::{Seen, Witness};
@@ -25,6 +25,8 @@ pub struct Options<'a> {
     pub robot: &'a Robot,
     /// The classes.
     pub classes: &'a [Class],
+    /// `[m/s]` how fast.
+    pub speeds_m_s: &'a [f64],
     /// Trials of each class at each speed.
     pub trials: u64,
     /// Seed of places and noise.
@@ -97,17 +99,16 @@ pub fn measure(
         let found = options.trials.to_string();
         return Err(RecallError::Option { option: "--trials", found, needed: "1 to 100000" });
     }
-    let speeds = speeds_m_s(options.robot);
+    let speeds = options.speeds_m_s;
     let trials = options.trials as usize;
     let count = options.classes.len() * speeds.len() * trials;
     let place = |number: usize| (number / trials / speeds.len(), number / trials % speeds.len());
     let job = |witness: &mut Witness, number: usize| {
         let (class, speed) = place(number);
-        // By name, so that a class keeps its trials whatever stands beside it.
-        let class = &options.classes[class];
-        let name = class.name.bytes().fold(0, |hash, byte| mix(hash, u64::from(byte)));
-        let seed = mix(mix(options.seed, name), (speed * trials + number % trials) as u64);
-        witness.trial(class, speeds[speed], seed)
+        let (class, speed_m_s) = (&options.classes[class], speeds[speed]);
+        // By name and speed, so that a row keeps its trials whatever stands beside it.
+        let name = class.name.bytes().fold(options.seed, |hash, byte| mix(hash, u64::from(byte)));
+        witness.trial(class, speed_m_s, mix(mix(name, speed_m_s.to_bits()), (number % trials) as u64))
     };
     let mut done = |finished: usize| {
         if finished.is_multiple_of(PROGRESS) || finished == count {

@@ -79,6 +79,8 @@ impl Witness {
         self.mapper.reset();
         let target = self.drive(&mut scene, class, &place, [speed_m_s, place.near_m - reach_m]);
         self.mapper.write_safety(&mut self.map);
+        // The guard remembers nothing: the newest frame is all it knows.
+        let _ = self.guard.step(&self.frame, &mut self.field);
         let (marked, is_free) = self.judge.map(&self.map, &target);
         Ok(Seen { marked, unfree: !is_free, guarded: self.judge.guard(&self.field, &target) })
     }
@@ -104,9 +106,8 @@ impl Witness {
                 Event::Frame { stamp_ns, .. } => {
                     scene.advance(stamp_ns);
                     scene.render(&mut self.frame);
-                    // A frame that is refused leaves map and field as the arbiter would have them.
+                    // A frame that is refused leaves the map as the arbiter would have it.
                     let _ = self.mapper.depth(&self.frame);
-                    let _ = self.guard.step(&self.frame, &mut self.field);
                     seen_from = scene.pose();
                 }
             }

@@ -122,22 +122,27 @@ fn walk(folder: PathBuf) -> Vec<Tube> {
     tubes
 }
 
-/// The excerpt in the repository, at the longest tube: what stands there is marked.
-#[test]
-fn what_an_excerpt_of_a_real_walk_meets_was_marked_in_time() {
-    let tubes = walk(root().join("tests/data/hololens"));
+/// Found in the excerpt: 215 of 216 marked, 210 not free; in the whole walk 557 and 550 of 558. Cells of one thing stand
+/// or fall together, so that the bounds leave room.
+fn assert_known(tubes: &[Tube], least: u64) {
     let longest = tubes.last().unwrap();
-    assert!(!longest.touched.is_empty(), "{longest:?}");
+    let touched = longest.touched.len() as u64;
+    assert!(touched >= least, "{longest:?}");
+    assert!(100 * longest.marked >= 95 * touched && 100 * longest.unfree >= 93 * touched, "{longest:?}");
+}
+
+/// The excerpt in the repository, at the longest tube.
+#[test]
+fn what_an_excerpt_of_a_real_walk_meets_was_known_in_time() {
+    assert_known(&walk(root().join("tests/data/hololens")), 100);
 }
 
 /// The whole walk of the data folder.
 #[test]
-fn what_a_real_walk_meets_was_marked_in_time() {
+fn what_a_real_walk_meets_was_known_in_time() {
     let Some(data) = std::env::var_os("SIDESTEP_DATA") else {
         println!("skipped: SIDESTEP_DATA is not set (whole HoloLens walk)");
         return;
     };
-    let tubes = walk(PathBuf::from(data).join("depth_hololens"));
-    let longest = tubes.last().unwrap();
-    assert!(longest.touched.len() > 20, "{longest:?}");
+    assert_known(&walk(PathBuf::from(data).join("depth_hololens")), 300);
 }
