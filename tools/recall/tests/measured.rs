@@ -1,5 +1,7 @@
 //! What the measurement must say whatever else it says: facts of the sensor that are known without it.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "a test may unwrap and print")]
+
 use sidestep_arbiter::{Arbiter, Config};
 use sidestep_msgs::{Command, Header, Odometry, Pose2, Robot, SAFETY_GRID, SafetyMap, Teleop, Twist};
 use sidestep_recall::{CLASSES, Class, Options, Recall, RecallError, Witness, measure, reach_m, speeds_m_s};

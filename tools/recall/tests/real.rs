@@ -1,6 +1,8 @@
 //! Recall on real depth: a walk with a HoloLens, whose later and nearer images say what stood where the tube of a robot
 //! that came the same way would have begun to touch.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may unwrap and print")]
+
 #[path = "../../../tests/real_depth/batch.rs"]
 mod batch;
 
