@@ -2,9 +2,9 @@
 //!
 //! An obstacle needs the support of a small square facing the camera, so that the need falls with the square of the
 //! distance as the pixels of a thin leg do. Free space needs a floor return in the cell; where an obstacle is stored, or
-//! no floor is seen, it needs rays through the whole height band of the cell, each ending clearly behind it. A ray over
-//! or under a stored obstacle therefore never clears it. Round an obstacle, along the ray, nothing is cleared within two
-//! standard deviations of the stereo noise.
+//! no floor is seen, it needs rays through the whole height band of the cell, each ending clearly behind it, and one to
+//! just below its floor that ends before. A ray over or under a stored obstacle, or over a hole, therefore never clears it.
+//! Round an obstacle, along the ray, nothing is cleared within two standard deviations of the stereo noise.
 
 use crate::config::Config;
 use crate::grid::{ALL_BANDS, BANDS, CELL_M, CELLS, Grid, OVERHANG, SIDE};
@@ -165,7 +165,7 @@ impl Evidence {
             let (x, y) = place(cell);
             let index = grid.index(x, y);
             let held = grid.log_odds_now(index, &lens.now).map_or(0, |_| grid.bands[index]);
-            if looked_through(frame, lens, config, cell, held) {
+            if looked_through(frame, lens, config, cell, held) && has_floor(frame, lens, config, cell) {
                 let trust = trust_at(lens, lens.depth_m(x as f32 + 0.5, y as f32 + 0.5, 0.0));
                 grid.add(index, -config.miss_log_odds * trust, 0, &lens.now);
             }
@@ -193,6 +193,18 @@ fn seen_bands(counts: [u32; BANDS], needed: f32) -> u8 {
         }
     }
     if bands & 1 == 0 { bands | OVERHANG } else { bands }
+}
+
+/// Whether the ray to a point just below the floor of a cell is measured to end before it, as it does at a floor. Over a
+/// hole, or a stair that leads down, it goes on; what can be looked through is not yet something to stand on.
+fn has_floor(frame: &DepthFrame, lens: &Lens, config: &Config, cell: u32) -> bool {
+    let (x, y) = place(cell);
+    let (x, y) = (x as f32 + 0.5, y as f32 + 0.5);
+    let below_m = config.hole_cut_m + config.floor_cut_per_m * lens.depth_m(x, y, 0.0).max(0.0);
+    lens.pixel(x, y, -below_m).is_some_and(|(pixel, depth_m)| {
+        let raw = frame.pixels.get(pixel).copied().unwrap_or(0);
+        raw != 0 && raw != u16::MAX && lens.metres(raw) < depth_m
+    })
 }
 
 /// Whether rays pass through a cell at all heights from the floor cut up to the top of the bands held there (of the
