@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x6611_93a7_106a_681d,
+        content_hash: 0x7132_1ca0_f1eb_2e92,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0xdd3d_8d26_7789_024a,
+        content_hash: 0xd1b3_9b08_d147_525c,
     },
 ];
 
