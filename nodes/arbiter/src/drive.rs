@@ -85,12 +85,7 @@ impl Arbiter {
             self.ask(&situation, &question)
         };
         if action == Action::Follow {
-            // Proposers that both see no way are held back by what they see.
-            self.memory.recovery.held_back(match filtered.scale < FREE_SCALE {
-                true if self.space.is_unseen(filtered.cell) => HeldBack::Unseen,
-                false if selected.reason != Reason::UnfitProposals => HeldBack::Nothing,
-                _ => HeldBack::Seen,
-            });
+            self.memory.recovery.held_back(self.held_back_by(&filtered, selected.reason));
         }
         if let Action::Rest(reason) = action {
             let may_retry = self.config.resume == Resume::Auto;
@@ -106,6 +101,15 @@ impl Arbiter {
             (reason, _) => reason,
         };
         Verdict { winner, wish, filtered }
+    }
+
+    /// What held a wish back. Proposers that both see no way are held back by what they see.
+    fn held_back_by(&self, filtered: &Filtered, reason: Reason) -> HeldBack {
+        match filtered.scale < FREE_SCALE {
+            true if self.space.is_unseen(filtered.cell) => HeldBack::Unseen,
+            false if reason != Reason::UnfitProposals => HeldBack::Nothing,
+            _ => HeldBack::Seen,
+        }
     }
 
     fn question(&self, wish: Twist, now_ns: u64, dt_s: f32) -> Question {
