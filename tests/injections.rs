@@ -115,16 +115,19 @@ fn injections_into_the_arbiter_are_answered_by_the_base() {
         let rolls_m_s = seen[over.saturating_sub(1)].twist.v_m_s;
         assert!(rolls_m_s > 0.2, "it stopped before its command ended: {rolls_m_s} m/s");
         let since_ms = |odometry: &Odometry| (odometry.stamp_ns - valid_until_ns) as f64 * 1e-6;
-        let begun = seen[over..].iter().find(|odometry| odometry.twist.v_m_s < rolls_m_s - 0.005).unwrap();
+        // The odometry of the simulator is as noisy as the robot file says a base tracks.
+        let noise_m_s = robot.actuator.tracking_m_s;
+        let begun =
+            seen[over..].iter().find(|odometry| odometry.twist.v_m_s < rolls_m_s - noise_m_s).unwrap();
         let rest = seen.iter().find(|odometry| odometry.twist.v_m_s == 0.0).unwrap();
         let brake_m_s2 = robot.actuator.brake_min_m_s2;
         begun_ms.push(since_ms(begun));
         beyond_ms.push(since_ms(rest) - f64::from(rolls_m_s / brake_m_s2) * 1e3);
-        let falls = |pair: &[Odometry]| pair[1].twist.v_m_s <= pair[0].twist.v_m_s + 1e-4;
+        let falls = |pair: &[Odometry]| pair[1].twist.v_m_s <= pair[0].twist.v_m_s + noise_m_s;
         assert!(seen[over..].windows(2).all(falls), "it sped up without a command");
     }
     eprintln!("arbiter silent, after its last command ended [ms]   n     p50     p99     max   seed 22");
-    eprintln!("{}", line("base slower by 5 mm/s", begun_ms));
+    eprintln!("{}", line("base slower by 20 mm/s", begun_ms));
     eprintln!("{}", line("rest beyond v / brake", beyond_ms));
     drive.end();
 }
