@@ -54,6 +54,10 @@ fn drives(command: &Command) -> bool {
     is(command, Reason::Clear) && command.winner == Winner::Expert as u32 && command.twist.v_m_s > 0.3
 }
 
+fn rests(odometry: &Odometry) -> bool {
+    odometry.twist.v_m_s < 0.01
+}
+
 /// A moment that no cycle of the graph is in step with.
 fn wait_a_little(random: &mut Random) {
     pause(Duration::from_micros(300_000 + random.below(200_000)));
@@ -97,19 +101,23 @@ fn injections_into_the_arbiter_are_answered_by_the_base() {
     let (mut begun_ms, mut beyond_ms) = (Vec::new(), Vec::new());
     for _ in 0..injections() {
         wait_a_little(&mut random);
-        drive.until("driving", drives);
+        let driving = drive.until("driving", drives);
         let arbiter = drive.running.node("arbiter").unwrap();
-        odometry.each(&mut drive.step, |_, _| ()).unwrap();
+        let mut seen = Vec::<Odometry>::new();
+        let mut valid_until_ns = driving.last().unwrap().1.valid_until_ns;
+        let Drive { running, link, step, commands, .. } = &mut drive;
+        let mut until = |what: &str, fits: fn(&Odometry) -> bool| {
+            running.wait_for(what, |_| {
+                link.look(step).unwrap();
+                // A queue that is not read loses what comes last.
+                commands.each(step, |command, _| valid_until_ns = command.valid_until_ns).unwrap();
+                odometry.each(step, |message, _| seen.push(*message)).unwrap();
+                seen.last().filter(|odometry| fits(odometry)).map(|_| ())
+            });
+        };
+        until("rolling", |odometry| odometry.twist.v_m_s > 0.3);
         send_signal(arbiter, libc::SIGSTOP);
-        let mut seen: Vec<Odometry> = Vec::new();
-        let (link, step) = (&mut drive.link, &mut drive.step);
-        drive.running.wait_for("rest", |_| {
-            link.look(step).unwrap();
-            odometry.each(step, |message, _| seen.push(*message)).unwrap();
-            seen.last().filter(|odometry| odometry.twist.v_m_s == 0.0).map(|_| ())
-        });
-        let mut valid_until_ns = 0;
-        drive.commands.each(step, |command, _| valid_until_ns = command.valid_until_ns).unwrap();
+        until("rest", rests);
         send_signal(arbiter, libc::SIGCONT);
         let over = seen.iter().position(|odometry| odometry.stamp_ns > valid_until_ns).unwrap();
         let rolls_m_s = seen[over.saturating_sub(1)].twist.v_m_s;
@@ -119,7 +127,7 @@ fn injections_into_the_arbiter_are_answered_by_the_base() {
         let noise_m_s = robot.actuator.tracking_m_s;
         let begun =
             seen[over..].iter().find(|odometry| odometry.twist.v_m_s < rolls_m_s - noise_m_s).unwrap();
-        let rest = seen.iter().find(|odometry| odometry.twist.v_m_s == 0.0).unwrap();
+        let rest = seen[over..].iter().find(|odometry| rests(odometry)).unwrap();
         let brake_m_s2 = robot.actuator.brake_min_m_s2;
         begun_ms.push(since_ms(begun));
         beyond_ms.push(since_ms(rest) - f64::from(rolls_m_s / brake_m_s2) * 1e3);
