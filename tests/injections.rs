@@ -80,10 +80,11 @@ fn injections_are_answered_within_the_ages() {
             processes.iter().for_each(|&process| send_signal(process, libc::SIGCONT));
             let (answer_ns, _) = seen.last().unwrap();
             times_ms.push(answer_ns.saturating_sub(before_ns) as f64 * 1e-6);
-            // Whatever is silent, no command to move rests on inputs above their ages.
+            // Whatever is silent, and however late the machine, nobody drives on inputs above their ages.
             for (now_ns, command) in &seen {
                 let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;
-                assert!(young || (row.answers)(command), "{} at {now_ns}: {command:?}", row.name);
+                let stops = command.winner == Winner::Stop as u32;
+                assert!(young || stops, "{} at {now_ns}: {command:?}", row.name);
             }
         }
         eprintln!("{}", line(row.name, times_ms));
