@@ -81,7 +81,7 @@ fn a_ray_over_a_hole_never_clears_it() {
     let scene = Scene { holes: vec![[2.5, 9.0, -9.0, 9.0]], ..Scene::default() };
     let mut mapper = mapper(true);
     for count in 1..=180u64 {
-        let view = View::level(Pose2::new(0.2 + 0.01 * count as f64, 0.0, 0.0));
+        let view = View::level(Pose2::new(0.9 + 0.007 * count as f64, 0.0, 0.0));
         look(&mut mapper, &scene, &view, count);
         let map = safety(&mapper);
         for (x_m, y_m) in (0..24).map(|k| (2.53 + 0.05 * f64::from(k % 6), -0.3 + 0.2 * f64::from(k / 6))) {

@@ -51,6 +51,17 @@ fn stairs_down_are_not_known_free_where_nothing_marks_them() {
     assert!(stairs.marked.share() < 0.2 && stairs.not_known_free.share() >= 0.5, "{stairs:?}");
 }
 
+/// A slow robot looks over the edge for longest: what it saw of the hole, or never saw of the floor, must last.
+#[test]
+fn a_slow_robot_does_not_forget_stairs() {
+    let (robot, classes) = (robot("loomo"), classes(&["stairs down"]));
+    let options =
+        Options { robot: &robot, classes: &classes, speeds_m_s: &[0.3], trials: 5, seed: 1, threads: 2 };
+    let recall = measure(&options, &mut |_| ()).unwrap();
+    println!("{}", recall.text());
+    assert!(recall.rows[0].not_known_free.share() > 0.99, "{:?}", recall.rows[0]);
+}
+
 /// On other threads, and beside another class.
 #[test]
 fn a_seed_gives_the_same_numbers_on_any_number_of_threads() {
