@@ -82,6 +82,12 @@ pub fn age_code(age_ns: u64) -> u8 {
     u8::try_from(age_ns / 100_000_000).map_or(AGE_OLDER, |tenths| tenths.min(AGE_OLDER))
 }
 
+/// The byte `[1/255]` of a probability, rounded down.
+#[must_use]
+pub const fn probability_code(probability: f32) -> u8 {
+    (probability * 255.0) as u8
+}
+
 record! {
     /// Egocentric occupancy: the only view of obstacles that policy and expert have (paper section IV-A).
     ///

@@ -13,7 +13,7 @@ use crate::tube::Tube;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{
     Command, Estop, EstopAction, Header, LocalGoal, NearField, Odometry, Proposal, Ranges, Reason, Robot,
-    SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner,
+    SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner, probability_code,
 };
 
 /// `[s]` a tick later than this does not allow a larger change of the command.
@@ -106,7 +106,7 @@ impl Arbiter {
             tube: Tube::new(config, robot, &outline),
             outline,
             space: FreeSpace::new(),
-            free_code: (config.free_below * 255.0) as u8,
+            free_code: probability_code(config.free_below),
             old_code: (config.back_up_age_s * 10.0) as u8,
             memory,
         })

@@ -81,7 +81,7 @@ pub struct Config {
     pub back_up_m: f32,
     /// `[s]` `[0, 25]` an escape backward crosses only cells seen within this time; a recovery any free cell.
     pub back_up_age_s: f32,
-    /// `[s]` nothing is safe for this long: boxed in.
+    /// `[s]` standing for this long although there is a goal: recovery.
     pub boxed_in_s: f32,
     /// `[s]` the same where what is in the way is a cell that nobody saw: it shows itself only from elsewhere.
     pub unseen_s: f32,

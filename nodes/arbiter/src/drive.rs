@@ -5,8 +5,8 @@ use crate::arbiter::{Arbiter, Verdict};
 use crate::clearance::Heading;
 use crate::config::Resume;
 use crate::queue::{Pending, SENT_MAX};
-use crate::recovery::{Action, Aim, HeldBack};
-use crate::search::{Filter, Filtered, Question};
+use crate::recovery::{Action, HeldBack};
+use crate::search::{Filter, Filtered, Question, Ways};
 use crate::select::Selected;
 use crate::tube::Situation;
 use sidestep_msgs::{NO_CELL, Reason, Twist, Winner};
@@ -24,15 +24,8 @@ impl Arbiter {
         let at_once = faulty || matches!(reason, Reason::EstopLatched | Reason::Starting);
         let motion = match self.situation(now_ns) {
             Some(situation) if !at_once && !self.memory.last.is_rest() => {
-                self.ask(
-                    &situation,
-                    &Question {
-                        escapes: false,
-                        straightens: false,
-                        ..self.question(Twist::STOP, now_ns, dt_s)
-                    },
-                )
-                .motion
+                let stop = self.question(Twist::STOP, now_ns, dt_s);
+                self.ask(&situation, &Question { ways: Ways::Wish, ..stop }).motion
             }
             _ => self.limiter.brake(&self.memory.last, dt_s, false),
         };
@@ -46,13 +39,13 @@ impl Arbiter {
         let mut question = self.question(selected.twist, now_ns, dt_s);
         let action = if selected.winner == Winner::Teleop || self.memory.open_loop != 0 {
             self.memory.recovery.rest(now_ns, &pose);
-            question.escapes = false;
+            question.ways = Ways::Wish;
             Action::Follow
         } else {
             let inputs = &self.memory.inputs;
             let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
-            let aim = Aim { goal_m: inputs.map_pose.transform(x_m, y_m), side: question.side };
-            self.memory.recovery.action(now_ns, &pose, &aim, &self.config)
+            let goal_m = inputs.map_pose.transform(x_m, y_m);
+            self.memory.recovery.action(now_ns, &pose, goal_m, &self.config)
         };
         let (winner, named) = match action {
             Action::Scan(_) => (Winner::Recovery, Some(Reason::ScanRotation)),
@@ -62,18 +55,18 @@ impl Arbiter {
             Action::Follow => (selected.winner, None),
         };
         match action {
-            Action::Scan(way) | Action::BackUp(way) | Action::Advance(way) => question.wish = way,
-            _ => {}
+            Action::Scan(way) | Action::BackUp(way) => (question.wish, question.ways) = (way, Ways::Wish),
+            Action::Advance(way) => (question.wish, question.ways) = (way, Ways::Straight),
+            Action::Rest(_) => question.ways = Ways::Wish,
+            Action::Follow => {}
         }
-        question.straightens = question.escapes && matches!(action, Action::Follow | Action::Advance(_));
-        question.escapes &= action == Action::Follow;
         let wish = question.wish;
         let Some(mut situation) = self.situation(now_ns) else {
             let motion = self.limiter.brake(&self.memory.last, dt_s, false);
             let filtered = Filtered { motion, scale: 0.0, reason: Reason::Braking, cell: NO_CELL };
             return Verdict { winner, wish, filtered };
         };
-        if question.escapes {
+        if question.ways == Ways::Escapes {
             let margin_m = self.tube.margin_at(&situation.at, &situation.old);
             situation.old_margin_m = margin_m.unwrap_or(f32::NAN);
         }
@@ -121,8 +114,7 @@ impl Arbiter {
             now_ns,
             scale_max: 1.0,
             side,
-            escapes: true,
-            straightens: true,
+            ways: Ways::Escapes,
         }
     }
 

@@ -50,15 +50,6 @@ pub(crate) enum HeldBack {
     Unseen = 2,
 }
 
-/// Where the robot is wanted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Aim {
-    /// `[m]` the local goal in `odom`.
-    pub(crate) goal_m: (f64, f64),
-    /// `[1, -1]` side of the goal.
-    pub(crate) side: f32,
-}
-
 /// What the filter is asked for instead of the wish.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Action {
@@ -84,7 +75,7 @@ pub(crate) struct Recovery {
     place: Pose2,
     /// Pose in `odom` at which the last trouble began.
     trouble: Pose2,
-    /// `[m]` goal of the advance in `odom`.
+    /// `[m]` the local goal in `odom` when the last trouble began.
     goal_x_m: f64,
     goal_y_m: f64,
     /// `[rad]` turned since the scan began.
@@ -103,22 +94,17 @@ pub(crate) struct Recovery {
     phase: u32,
     /// [`Reason`] code of the trouble.
     cause: u32,
-    /// 1 once a scan was done here.
-    scanned: u32,
-    /// 1 once it backed up here.
-    backed: u32,
-    /// 1 once it advanced here.
-    advanced: u32,
-    /// `[rad]` bearing of the goal of the advance.
-    bearing_rad: f32,
+    /// One bit for each phase that was tried here.
+    tried: u32,
     /// [`HeldBack`] code.
     held_back: u32,
+    _pad: u32,
 }
 
 impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
-        let keep = (self.scanned, self.backed, self.advanced, self.trouble);
+        let keep = (self.tried, self.trouble);
         *self = Self {
             anchor: *pose,
             anchor_ns: now_ns,
@@ -127,17 +113,13 @@ impl Recovery {
             still_ns: now_ns,
             ..Self::zeroed()
         };
-        (self.scanned, self.backed, self.advanced, self.trouble) = keep;
-    }
-
-    fn try_all(&mut self) {
-        (self.scanned, self.backed, self.advanced) = (0, 0, 0);
+        (self.tried, self.trouble) = keep;
     }
 
     /// An operator's word: tries everything again.
     pub(crate) fn forgive(&mut self) {
         self.phase = FOLLOW;
-        self.try_all();
+        self.tried = 0;
         self.still_ns = 0;
         self.anchor_ns = 0;
     }
@@ -148,9 +130,17 @@ impl Recovery {
     }
 
     /// What to do now, given that there is a goal to drive to.
-    pub(crate) fn action(&mut self, now_ns: u64, pose: &Pose2, aim: &Aim, config: &Config) -> Action {
+    ///
+    /// `goal_m`: the local goal in `odom`.
+    pub(crate) fn action(
+        &mut self,
+        now_ns: u64,
+        pose: &Pose2,
+        goal_m: (f64, f64),
+        config: &Config,
+    ) -> Action {
         if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M + f64::from(config.back_up_m) {
-            self.try_all();
+            self.tried = 0;
         }
         self.note_progress(now_ns, pose, config);
         let turned = wrap_angle(pose.yaw_rad - self.still.yaw_rad).abs();
@@ -167,7 +157,7 @@ impl Recovery {
                 if still_ns > BLOCKED_NS {
                     self.begin(REST, now_ns, pose);
                 } else if self.turned_rad >= SCAN_RAD || since(self.phase_ns) > SCAN_NS {
-                    self.scanned = 1;
+                    self.tried |= 1 << SCAN;
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
@@ -175,28 +165,29 @@ impl Recovery {
                 let way_m = pose.distance_m(&self.place);
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if stuck || way_m >= f64::from(config.back_up_m) {
-                    self.backed = 1;
+                    self.tried |= 1 << BACK_UP;
                     // No room behind: look round instead.
                     self.begin(if way_m > MOVED_M { FOLLOW } else { SCAN }, now_ns, pose);
                 }
             }
             ADVANCE if still_ns > STRAIGHT_NS => self.begin(STRAIGHT, now_ns, pose),
             ADVANCE | STRAIGHT => {
-                let there = self.bear(pose) < THERE_M && self.phase == ADVANCE;
+                let (x_m, y_m) = self.goal_from(pose);
+                let there = self.phase == ADVANCE && libm::hypot(x_m, y_m) < THERE_M;
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if there || stuck || pose.distance_m(&self.place) > ADVANCE_M {
-                    self.advanced = 1;
+                    self.tried |= 1 << ADVANCE;
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
             REST => {}
-            _ => self.follow(now_ns, pose, aim, config),
+            _ => self.follow(now_ns, pose, goal_m, config),
         }
-        self.asked(config)
+        self.asked(pose, config)
     }
 
     /// Begins what was not tried here yet, where the robot stands for too long or comes nowhere.
-    fn follow(&mut self, now_ns: u64, pose: &Pose2, aim: &Aim, config: &Config) {
+    fn follow(&mut self, now_ns: u64, pose: &Pose2, goal_m: (f64, f64), config: &Config) {
         let is_unseen = self.held_back == HeldBack::Unseen as u32;
         let is_free = self.held_back == HeldBack::Nothing as u32;
         let patience_s = if is_unseen { config.unseen_s } else { config.boxed_in_s };
@@ -206,26 +197,18 @@ impl Recovery {
             return;
         }
         self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
-        self.side = if aim.side < 0.0 { -1.0 } else { 1.0 };
-        (self.goal_x_m, self.goal_y_m) = aim.goal_m;
-        self.bear(pose);
+        (self.goal_x_m, self.goal_y_m) = goal_m;
+        self.side = if self.goal_from(pose).1 < 0.0 { -1.0 } else { 1.0 };
         // Who hesitates goes on; who is held back sees more from farther off.
-        let phase = match (self.advanced, self.backed, self.scanned) {
-            (0, ..) if is_free => ADVANCE,
-            (_, 0, _) => BACK_UP,
-            (0, ..) => ADVANCE,
-            (.., 0) => SCAN,
-            _ => REST,
-        };
+        let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
+        let phase = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
         self.trouble = *pose;
         self.begin(phase, now_ns, pose);
     }
 
-    /// Takes the bearing of the goal of the advance; returns its distance `[m]`.
-    fn bear(&mut self, pose: &Pose2) -> f64 {
-        let (x_m, y_m) = pose.inverse_transform(self.goal_x_m, self.goal_y_m);
-        self.bearing_rad = libm::atan2(y_m, x_m) as f32;
-        libm::hypot(x_m, y_m)
+    /// `[m]` the goal of the trouble, seen from a pose.
+    fn goal_from(&self, pose: &Pose2) -> (f64, f64) {
+        pose.inverse_transform(self.goal_x_m, self.goal_y_m)
     }
 
     /// Moves the anchor on where the robot came on since: by way, or for a while by turning.
@@ -255,7 +238,7 @@ impl Recovery {
         let boxed_in = self.cause == Reason::BoxedIn as u32;
         if self.phase == REST && (boxed_in && free || may_retry && waited) {
             self.begin(FOLLOW, now_ns, pose);
-            self.try_all();
+            self.tried = 0;
         }
     }
 
@@ -272,15 +255,17 @@ impl Recovery {
         self.still_ns = now_ns;
     }
 
-    fn asked(&self, config: &Config) -> Action {
+    fn asked(&self, pose: &Pose2, config: &Config) -> Action {
         match self.phase {
             SCAN => Action::Scan(Twist::new(0.0, self.side * config.escape_turn_rad_s)),
             BACK_UP => Action::BackUp(Twist::new(-config.back_up_m_s, 0.0)),
             STRAIGHT => Action::Advance(Twist::new(ADVANCE_M_S, 0.0)),
             ADVANCE => {
-                let part = (1.0 - self.bearing_rad.abs() / TURN_FIRST_RAD).max(0.0);
+                let (x_m, y_m) = self.goal_from(pose);
+                let bearing_rad = libm::atan2(y_m, x_m) as f32;
+                let part = (1.0 - bearing_rad.abs() / TURN_FIRST_RAD).max(0.0);
                 let most = config.escape_turn_rad_s;
-                let turn_rad_s = (TURN_GAIN * self.bearing_rad).clamp(-most, most);
+                let turn_rad_s = (TURN_GAIN * bearing_rad).clamp(-most, most);
                 Action::Advance(Twist::new(ADVANCE_M_S * part, turn_rad_s))
             }
             REST if self.cause == Reason::BoxedIn as u32 => Action::Rest(Reason::BoxedIn),

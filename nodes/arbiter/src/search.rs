@@ -60,10 +60,19 @@ pub(crate) struct Question {
     pub(crate) scale_max: f32,
     /// Side to turn to where the wish has none.
     pub(crate) side: f32,
-    /// Whether turning and backing up may replace the wish.
-    pub(crate) escapes: bool,
-    /// Whether the wish may lose its turn.
-    pub(crate) straightens: bool,
+    /// What may come of the wish where no part of it is safe.
+    pub(crate) ways: Ways,
+}
+
+/// What may replace a wish, from the least to the most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Ways {
+    /// The brake.
+    Wish,
+    /// The wish without its turn too.
+    Straight,
+    /// A turn on the spot and a way back too.
+    Escapes,
 }
 
 /// The filter of one step.
@@ -91,14 +100,15 @@ impl Filter<'_> {
             Ok(filtered) => return filtered,
             Err(cell) => cell,
         };
-        if question.straightens && wish.v_m_s.abs() > self.config.crawl_m_s && wish.w_rad_s != 0.0 {
+        if question.ways >= Ways::Straight && wish.v_m_s.abs() > self.config.crawl_m_s && wish.w_rad_s != 0.0
+        {
             // A corner that swings out meets cells which the flank passes.
             let straight = Twist::new(wish.v_m_s, 0.0);
             if let Ok(filtered) = self.along(question, straight, escape) {
                 return Filtered { scale: 0.0, reason: Reason::Straight, cell, ..filtered };
             }
         }
-        if question.escapes && question.from.twist.v_m_s.abs() < SLOW_M_S {
+        if question.ways == Ways::Escapes && question.from.twist.v_m_s.abs() < SLOW_M_S {
             let found = self.turn(question, wish, escape).or_else(|| self.back_up(question, escape));
             if let Some((motion, reason)) = found {
                 escape.used_ns = question.now_ns;
@@ -125,7 +135,7 @@ impl Filter<'_> {
             return Ok(());
         }
         let escaping = escape.used_ns != 0 && question.now_ns.saturating_sub(escape.used_ns) < SIDE_NS;
-        let (speed, turn) = if escaping && question.escapes { LEAVE } else { BEGIN };
+        let (speed, turn) = if escaping && question.ways == Ways::Escapes { LEAVE } else { BEGIN };
         let part = (speed / wish.v_m_s.abs().max(1e-6)).min(turn / wish.w_rad_s.abs().max(1e-6));
         let part = part.min(question.scale_max);
         let motion = Motion::steady(Twist::new(wish.v_m_s * part, wish.w_rad_s * part));

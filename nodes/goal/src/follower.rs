@@ -58,15 +58,15 @@ impl Ahead<'_> {
         let (dx_m, dy_m) = (to_x_m - from_x_m, to_y_m - from_y_m);
         let piece_m = libm::hypotf(dx_m, dy_m).max(1e-6);
         let beside = |left_m: f32| (x_m - left_m * dy_m / piece_m, y_m + left_m * dx_m / piece_m);
-        let price = |left_m: f32| {
-            let (x_m, y_m) = beside(left_m);
-            self.sight.cost(x_m, y_m).max(ROOMY) + LEAVING_PER_M * left_m.abs()
-        };
         let steps = (BESIDE_M / BESIDE_STEP_M) as i32;
-        let aside = (-steps..=steps).map(|step| step as f32 * BESIDE_STEP_M);
-        let cheapest = aside.min_by(|a, b| price(*a).total_cmp(&price(*b)));
-        let (x_m, y_m) = beside(cheapest.unwrap_or(0.0));
-        Waypoint { along_m, x_m, y_m }
+        let places = (-steps..=steps).map(|step| {
+            let left_m = step as f32 * BESIDE_STEP_M;
+            let (x_m, y_m) = beside(left_m);
+            let price = self.sight.cost(x_m, y_m).max(ROOMY) + LEAVING_PER_M * left_m.abs();
+            (price, Waypoint { along_m, x_m, y_m })
+        });
+        let cheapest = places.min_by(|a, b| a.0.total_cmp(&b.0));
+        cheapest.map_or(Waypoint { along_m, x_m, y_m }, |(_, waypoint)| waypoint)
     }
 
     /// `[m]` a point of the path in `base`.

@@ -1,6 +1,6 @@
 //! The planning cost m_o of eq. (3): occupancy widened by the robot, since eq. (6) moves a point.
 
-use sidestep_msgs::{AGE_NEVER, FREE_BELOW, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Robot};
+use sidestep_msgs::{AGE_NEVER, FREE_BELOW, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Robot, probability_code};
 
 /// Cost of a cell that was never seen: 0.3, below the limit 0.4 of the expert.
 pub const UNKNOWN_COST: u8 = 77;
@@ -10,7 +10,7 @@ pub const CLEAR_BELOW: u8 = 90;
 /// that lost its certainty with motion: it costs what the unknown costs, since nothing was ever seen to stand there.
 const OBSTACLE_FROM: u8 = 128;
 /// Occupancy from here on is not free for the arbiter.
-const NOT_FREE_FROM: u8 = (FREE_BELOW * 255.0) as u8;
+const NOT_FREE_FROM: u8 = probability_code(FREE_BELOW);
 /// P of a cell of which nothing is known.
 const PRIOR: u16 = 128;
 /// `[m]` beyond the half-width, over which the weight falls to zero.

@@ -74,23 +74,6 @@ fn a_box_stays_occupied_until_it_is_below_the_view_and_after() {
     }
 }
 
-/// Floor that ends, approached slowly until the edge is below the view: rays pass above it at every height, and what they
-/// pass over is never free.
-#[test]
-fn a_ray_over_a_hole_never_clears_it() {
-    let scene = Scene { holes: vec![[2.5, 9.0, -9.0, 9.0]], ..Scene::default() };
-    let mut mapper = mapper(true);
-    for count in 1..=180u64 {
-        let view = View::level(Pose2::new(0.9 + 0.007 * count as f64, 0.0, 0.0));
-        look(&mut mapper, &scene, &view, count);
-        let map = safety(&mapper);
-        for (x_m, y_m) in (0..24).map(|k| (2.53 + 0.05 * f64::from(k % 6), -0.3 + 0.2 * f64::from(k / 6))) {
-            let cell = at(&map, x_m, y_m);
-            assert!(!is_free(cell), "{x_m:.2} {y_m:.2} from {:.2} m: {cell:?}", 2.5 - view.pose.x_m);
-        }
-    }
-}
-
 /// A table top at 0.7 m, seen from afar, approached until only the floor under it is in view: its edge stays.
 #[test]
 fn a_ray_under_a_stored_table_top_never_clears_it() {

@@ -2,7 +2,9 @@
 
 use crate::reach::margin_m;
 use sidestep_arbiter::Config;
-use sidestep_msgs::{AGE_NEVER, NearField, Pose2, Robot, SAFETY_GRID, SAFETY_SIDE, SafetyMap};
+use sidestep_msgs::{
+    AGE_NEVER, NearField, Pose2, Robot, SAFETY_GRID, SAFETY_SIDE, SafetyMap, probability_code,
+};
 use sidestep_sim::Solid;
 
 /// Occupancy of a cell that was never seen; a thing seen in part of such a cell has more.
@@ -41,7 +43,7 @@ impl Judge {
         let front = robot.footprint.polygon_m.iter().fold(0.0_f32, |most, corner| most.max(corner[0]));
         let noise = robot.camera.map_or(0.0, |c| c.disparity_sigma_px / (c.focal_px * c.baseline_m));
         Self {
-            free_code: (config.free_below * 255.0) as u8,
+            free_code: probability_code(config.free_below),
             front_m: f64::from(front),
             half_width_m: f64::from(robot.half_width_m()),
             margin_m: margin_m(config),
