@@ -194,7 +194,7 @@ impl Drive {
 
     /// Says something as an operator of this run.
     fn say(&self, what: &str) -> Outcome {
-        let mut command = sidestep(&[what]);
+        let mut command = sidestep(&what.split(' ').collect::<Vec<_>>());
         command.env(environment::DOMAIN, &self.domain.prefix).env(environment::ROOT, &self.domain.root);
         command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
         finish(command.spawn().unwrap())
@@ -328,6 +328,25 @@ fn an_emergency_stop_holds_across_a_crash_until_the_operator_resets_it() {
     assert!(braking && speeds.iter().all(|&speed| speed < 0.5), "{speeds:?}");
     let said = drive.say("reset");
     assert_eq!(said.code, 0, "{}{}", said.out, said.err);
+    drive.until("driving again", |command| command.twist.v_m_s > 0.2);
+    drive.end();
+}
+
+#[test]
+fn a_hold_outlives_a_crash_until_the_operator_lets_go() {
+    let mut drive = Drive::start("hold", &[]);
+    assert_eq!(drive.say("hold").code, 0);
+    drive.until("the hold", |command| is(command, Reason::Hold) && command.twist.v_m_s == 0.0);
+    let process = drive.running.node("arbiter").unwrap();
+    send_signal(process, libc::SIGKILL);
+    drive.running.wait_for("a new arbiter", |running| running.node("arbiter").filter(|&id| id != process));
+    let mut commands = 0;
+    drive.until("a second of holding on", |command| {
+        assert!(command.twist.v_m_s.abs() < 0.05, "{command:?}");
+        commands += u32::from(is(command, Reason::Hold));
+        commands > 100
+    });
+    assert_eq!(drive.say("hold --release").code, 0);
     drive.until("driving again", |command| command.twist.v_m_s > 0.2);
     drive.end();
 }

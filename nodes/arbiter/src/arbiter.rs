@@ -4,7 +4,7 @@ use crate::clearance::{FreeSpace, Outline};
 use crate::config::{Config, ConfigError, Lead};
 use crate::inputs::Inputs;
 use crate::limits::{Limiter, Motion};
-use crate::operator::Operator;
+use crate::operator::{Operator, Standing};
 use crate::queue::{Queue, Sent};
 use crate::recovery::Recovery;
 use crate::search::{Escape, Filtered};
@@ -186,15 +186,15 @@ impl Arbiter {
         }
     }
 
-    /// Latches the emergency stop, from the state file of an earlier life.
-    pub fn latch(&mut self) {
-        self.memory.operator.latch();
+    /// Takes up the orders of an earlier life, from the state file.
+    pub fn take_up(&mut self, standing: Standing) {
+        self.memory.operator.take_up(standing);
     }
 
-    /// Whether the emergency stop is latched: to be written to the state file before the command is sent.
+    /// The orders that stand: to be written to the state file before the command is sent.
     #[must_use]
-    pub fn latched(&self) -> bool {
-        self.memory.operator.is_latched()
+    pub fn standing(&self) -> Standing {
+        self.memory.operator.standing()
     }
 
     /// Frame that the last command is about: the winner's; on a stop, the newest map's.
@@ -371,7 +371,7 @@ impl Arbiter {
             teleop_age_s: inputs.teleop_stamps.age_s(now_ns),
             answers: u32::from(answers),
             open_loop: memory.open_loop,
-            latched: u32::from(memory.operator.is_latched()),
+            latched: u32::from(memory.operator.standing().latched),
             _pad: 0,
         };
     }

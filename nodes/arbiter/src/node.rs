@@ -2,7 +2,7 @@
 
 mod inlets;
 
-use crate::latch::LatchFile;
+use crate::standing::StandingFile;
 use crate::{Arbiter, Config};
 use inlets::Inlets;
 use sidestep_bus::{Boot, Link, NodeError, Outbox, Step};
@@ -33,10 +33,8 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let config = boot.config::<Config>()?.under(boot.lead_winner()?, resume.as_deref());
     let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
     let mut arbiter = Arbiter::new(&config, &boot.robot()?, boot.incarnation).map_err(refused)?;
-    let mut latch = LatchFile::at(&config.latch_file, &boot.domain.root, &boot.domain.prefix);
-    if latch.is_latched() {
-        arbiter.latch();
-    }
+    let mut standing = StandingFile::at(&config.latch_file, &boot.domain.root, &boot.domain.prefix);
+    arbiter.take_up(standing.orders());
     let mut link = Link::open(boot)?;
     let mut inputs = Inlets::open(&link, boot)?;
     let mut commands = link.outbox(COMMAND)?;
@@ -58,7 +56,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
         if !inputs.take(step, &mut arbiter)? && !step.is_tick() {
             return Ok(());
         }
-        latch.keep(arbiter.latched());
+        standing.keep(arbiter.standing());
         let (now_ns, open_loop) = (step.now_ns(), step.is_open_loop());
         commands.send_about(step, Stage::Arbiter, &inputs.seen, |out| {
             let status = arbiter.step(now_ns, open_loop, out);

@@ -4,6 +4,15 @@ use crate::config::Resume;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{Code, Estop, EstopAction, Reason};
 
+/// What a person ordered to stay, and what therefore outlives the arbiter's own end.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Standing {
+    /// The emergency stop is latched.
+    pub latched: bool,
+    /// The robot is held.
+    pub held: bool,
+}
+
 /// The modes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -26,13 +35,15 @@ impl Operator {
         Self { starting: u32::from(restarted), ..Self::zeroed() }
     }
 
-    pub(crate) fn is_latched(&self) -> bool {
-        self.latched != 0
+    /// The orders that stand.
+    pub(crate) fn standing(&self) -> Standing {
+        Standing { latched: self.latched != 0, held: self.held != 0 }
     }
 
-    /// Latches, from the state file.
-    pub(crate) fn latch(&mut self) {
-        self.latched = 1;
+    /// Takes up the orders of an earlier life.
+    pub(crate) fn take_up(&mut self, standing: Standing) {
+        self.latched |= u32::from(standing.latched);
+        self.held |= u32::from(standing.held);
     }
 
     /// Obeys a message; a reset only at rest. Returns the action if it was obeyed.
@@ -105,7 +116,7 @@ mod tests {
                         EstopAction::Reset if at_rest => false,
                         _ => latched,
                     };
-                    assert_eq!(operator.is_latched(), latched, "order {order}");
+                    assert_eq!(operator.standing().latched, latched, "order {order}");
                     assert!(!latched || operator.stop() == Some(Reason::EstopLatched));
                 }
             }
@@ -115,7 +126,7 @@ mod tests {
     #[test]
     fn an_operator_who_must_resume_resets_first_and_then_says_go() {
         let mut operator = Operator::new(false);
-        operator.latch();
+        operator.take_up(Standing { latched: true, held: false });
         assert_eq!(operator.obey(&say(EstopAction::Reset), false, Resume::Operator), None);
         assert_eq!(operator.token, 0, "a refused reset is not acknowledged");
         assert!(operator.obey(&say(EstopAction::Reset), true, Resume::Operator).is_some());

@@ -1,10 +1,11 @@
 //! Who drives: switching, latches, restarts, answers, and a state that carries over.
 
 use crate::fixture::{MS, Stage, TICK, loomo};
-use crate::{Arbiter, Config, Resume};
+use crate::{Arbiter, Config, Resume, Standing};
 use sidestep_msgs::{Command, Estop, EstopAction, Reason, Status, Twist, Winner};
 
 const FORWARD: Twist = Twist::new(0.5, 0.0);
+const LATCHED: Standing = Standing { latched: true, held: false };
 
 fn driving() -> Stage {
     let mut stage = Stage::new(&Config::STANDARD, &[]);
@@ -92,17 +93,17 @@ fn an_emergency_stop_is_latched_through_restart_and_restore_until_a_reset_at_res
     stage.arbiter.estop(&say(EstopAction::Reset, 12));
     assert_eq!(stage.tick().operator_token, 11, "a reset while moving is refused");
     stage.ticks(200);
-    assert!(stage.arbiter.latched() && stage.twist.v_m_s.abs() < 0.01);
+    assert!(stage.arbiter.standing().latched && stage.twist.v_m_s.abs() < 0.01);
     let mut bytes = vec![0; sidestep_msgs::ARBITER_STATE_BYTES];
     let size = stage.arbiter.state(&mut bytes);
     let mut restored = Arbiter::new(&Config::STANDARD, &loomo(), 0).unwrap();
-    assert!(restored.restore(&bytes[..size]) && restored.latched());
+    assert!(restored.restore(&bytes[..size]) && restored.standing().latched);
     stage.arbiter = Arbiter::new(&Config::STANDARD, &loomo(), 1).unwrap();
-    stage.arbiter.latch();
+    stage.arbiter.take_up(LATCHED);
     stage.ticks(30);
     assert_eq!(stage.command.reason, Reason::EstopLatched as u32);
     stage.arbiter.reset();
-    assert!(stage.arbiter.latched(), "a jump of playback is no reset");
+    assert!(stage.arbiter.standing().latched, "a jump of playback is no reset");
     stage.ticks(10);
     stage.arbiter.estop(&say(EstopAction::Reset, 13));
     stage.ticks(60);
@@ -203,7 +204,7 @@ fn a_recording_that_no_command_can_change_says_so_and_starts_no_recovery() {
 fn rest_that_nobody_measured_ends_neither_a_start_nor_a_latch() {
     let mut stage = Stage::of(&Config::STANDARD, loomo(), &[], 1);
     (stage.wish, stage.twist) = (FORWARD, FORWARD);
-    stage.arbiter.latch();
+    stage.arbiter.take_up(LATCHED);
     stage.mute.odometry = true;
     stage.arbiter.estop(&say(EstopAction::Reset, 3));
     let command = stage.ticks(5);

@@ -1,7 +1,7 @@
 //! What the arbiter must say, by the tables of the README: a page that shares no code with what it checks.
 
 use crate::fixture::MS;
-use crate::{Config, Lead, Resume};
+use crate::{Config, Lead, Resume, Standing};
 use sidestep_msgs::{EstopAction, Reason, Status, Twist, Winner};
 
 /// Why a message was not taken.
@@ -122,7 +122,7 @@ pub(super) struct Model {
 
 impl Model {
     /// Before the first message.
-    pub(super) fn new(config: &Config, restarted: bool, latched: bool) -> Self {
+    pub(super) fn new(config: &Config, restarted: bool, orders: Standing) -> Self {
         Self {
             config: config.clone(),
             odometry: Heard::default(),
@@ -141,8 +141,8 @@ impl Model {
             same: (0, 0),
             told_ns: None,
             frozen: false,
-            latched,
-            held: false,
+            latched: orders.latched,
+            held: orders.held,
             starting: restarted,
             awaiting: false,
             token: 0,
@@ -156,9 +156,10 @@ impl Model {
 
     /// Playback jumps: what the operator said stays.
     pub(super) fn jump(&mut self) {
-        let fresh = Self::new(&self.config, self.starting, self.latched);
-        let (held, awaiting, token) = (self.held, self.awaiting, self.token);
-        *self = Self { held, awaiting, token, last: self.last, last_ns: self.last_ns, ..fresh };
+        let orders = Standing { latched: self.latched, held: self.held };
+        let fresh = Self::new(&self.config, self.starting, orders);
+        let (awaiting, token) = (self.awaiting, self.token);
+        *self = Self { awaiting, token, last: self.last, last_ns: self.last_ns, ..fresh };
     }
 
     pub(super) fn odometry(&mut self, stamp_ns: u64, now_ns: u64, fit: bool, same: bool) -> bool {

@@ -3,7 +3,7 @@
 use super::Event;
 use super::model::Model;
 use crate::fixture::{MS, Stage, TICK, map_of};
-use crate::{Arbiter, Config, Resume};
+use crate::{Arbiter, Config, Resume, Standing};
 use sidestep_msgs::{
     Code, Command, Estop, EstopAction, Header, LocalGoal, NearField, Odometry, Proposal, Reason, SafetyMap,
     Status, Teleop, Twist, VALID_FOR_NS, Winner,
@@ -66,7 +66,7 @@ pub(super) struct Rig {
     token: u64,
     incarnation: u32,
     /// The state file of the emergency stop, as the node keeps it.
-    latch_file: bool,
+    orders: Standing,
     /// Whether a restart still waits for an operator's word.
     must_ask: bool,
     /// The last command of this life.
@@ -82,7 +82,7 @@ impl Rig {
         let mut rig = Self {
             config: config.clone(),
             stage: Stage::new(config, &[]),
-            model: Model::new(config, false, false),
+            model: Model::new(config, false, Standing::default()),
             trail: Vec::new(),
             map: map_of(&[], &sidestep_msgs::Pose2::ORIGIN, 0),
             odometry_is: Source::Good,
@@ -98,7 +98,7 @@ impl Rig {
             stick_m_s: 0.0,
             token: 0,
             incarnation: 0,
-            latch_file: false,
+            orders: Standing::default(),
             must_ask: false,
             before: None,
             stopped_ticks: 0,
@@ -158,10 +158,8 @@ impl Rig {
     fn restart(&mut self) {
         self.incarnation += 1;
         self.stage.arbiter = Arbiter::new(&self.config, &self.stage.robot, self.incarnation).unwrap();
-        if self.latch_file {
-            self.stage.arbiter.latch();
-        }
-        self.model = Model::new(&self.config, true, self.latch_file);
+        self.stage.arbiter.take_up(self.orders);
+        self.model = Model::new(&self.config, true, self.orders);
         self.must_ask = self.config.resume == Resume::Operator;
         self.before = None;
     }
@@ -176,7 +174,7 @@ impl Rig {
             self.stage.frame += 1;
             self.send_frame();
         }
-        self.latch_file = self.stage.arbiter.latched();
+        self.orders = self.stage.arbiter.standing();
         let now_ns = self.stage.now_ns;
         let expected = self.model.expect(now_ns);
         let command = self.stage.step();
