@@ -31,5 +31,5 @@ pub use fan::fan;
 pub use judge::Judge;
 pub use node::run;
 pub use pairing::{Frame, Pairing};
-pub use planner::{Mode, Plan, Planner};
+pub use planner::{Effort, Mode, Plan, Planner};
 pub use problem::{HORIZON_STEPS, STEP_S, UNKNOWN_COST};

@@ -8,20 +8,10 @@ use crate::refinement::{Range, Scored, best_lane, improve};
 use crate::rollout::{Group, Kernel, LANES, Scores, look_up};
 use sidestep_msgs::{LOCAL_CELLS, Limits, Pose2, Twist};
 
-/// Candidates that a solved plan begins with, at least.
-const SOLVED_CANDIDATES: usize = 2000;
-/// Distinct ones of them that it improves.
-const STARTS: usize = 10;
+/// Most starts of a search.
+const STARTS_MAX: usize = 32;
 /// Candidates differ when a number of theirs differs by this part of its range.
 const DISTINCT: f32 = 0.2;
-/// Rounds of sixteen probes of each start.
-const SOLVED_ROUNDS: usize = 10;
-/// Generations of sixteen samples of each start, after which only the best go on.
-const TRIAL: usize = 12;
-/// Starts that go on.
-const FINALISTS: usize = 3;
-/// Generations of those.
-const GENERATIONS: usize = 60;
 /// Groups of sixteen candidates beside the seed of a refined plan.
 const REFINED_GROUPS: usize = 5;
 /// Generations of a refined plan: with the groups and the seed's own, a quarter of 734 evaluations.
@@ -34,10 +24,30 @@ const TOLERANCE: f32 = 0.1;
 pub enum Mode {
     /// The best candidate.
     Plain,
-    /// The best ten distinct candidates, improved.
+    /// The best distinct candidates, improved with the planner's [`Effort`].
     Solved,
     /// A proposal from elsewhere, improved; better than 734 candidates at a quarter of their evaluations.
     Refined(Twist),
+}
+
+/// How long a solved plan is searched for: many starts for a moment, the better of them for longer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    /// Candidates that it begins with, at least.
+    pub candidates: usize,
+    /// Rounds of sixteen probes of each start.
+    pub rounds: usize,
+    /// Starts that are still searched from, at most 32, and the generation of sixteen samples that they go on to.
+    pub rungs: [(usize, usize); 3],
+}
+
+impl Effort {
+    /// What a robot has time for.
+    pub const LIVE: Self = Self { candidates: 2000, rounds: 10, rungs: [(10, 12), (3, 60), (3, 60)] };
+
+    /// What a label deserves: three and a half times as long, for a half to a third of the distance to the optimum. What is
+    /// left of that distance is noise to whoever learns.
+    pub const LABEL: Self = Self { candidates: 2000, rounds: 10, rungs: [(32, 12), (16, 60), (8, 200)] };
 }
 
 /// An answer to eq. (6).
@@ -90,14 +100,23 @@ pub struct Planner {
     problem: Problem,
     kernel: Kernel,
     strategy: Strategy,
+    effort: Effort,
 }
 
 impl Planner {
-    /// Makes the first `candidates` candidates (at least one) for a robot.
+    /// Makes the first `candidates` candidates (at least one) for a robot; solves as long as a robot has time for.
     #[must_use]
     pub fn new(limits: &Limits, weights: &Weights, candidates: usize) -> Self {
+        Self::searching(limits, weights, candidates, Effort::LIVE)
+    }
+
+    /// As [`Planner::new`], but solves with an effort of the caller's choice.
+    #[must_use]
+    pub fn searching(limits: &Limits, weights: &Weights, candidates: usize, effort: Effort) -> Self {
         let candidates = candidates.max(1);
-        Self::of(limits, weights, candidates, groups(0..candidates.max(SOLVED_CANDIDATES), limits))
+        let made = groups(0..candidates.max(effort.candidates), limits);
+        let most = effort.rungs.iter().fold(0, |most, rung| most.max(rung.1));
+        Self { effort, strategy: Strategy::new(most), ..Self::of(limits, weights, candidates, made) }
     }
 
     /// A planner whose plain plans choose from candidates of the endless sequence that the caller names (at least one);
@@ -117,7 +136,8 @@ impl Planner {
             groups,
             problem: Problem::new(limits, *weights),
             kernel: Kernel::best(),
-            strategy: Strategy::new(GENERATIONS),
+            strategy: Strategy::new(Effort::LIVE.rungs[2].1),
+            effort: Effort::LIVE,
         }
     }
 
@@ -232,24 +252,26 @@ impl Planner {
     }
 
     fn solved(&mut self) -> (Scored, usize) {
-        let candidates = self.candidates.max(SOLVED_CANDIDATES).min(self.groups.len() * LANES);
+        let effort = self.effort;
+        let candidates = self.candidates.max(effort.candidates).min(self.groups.len() * LANES);
         let best = self.best_of(candidates);
-        let mut starts = [best; STARTS];
+        let mut starts = [best; STARTS_MAX];
+        let wanted = effort.rungs[0].0.clamp(1, STARTS_MAX);
         let mut count = 1;
-        while let Some(next) = (count < STARTS).then(|| self.best_distinct(&starts[..count])).flatten() {
+        while let Some(next) = (count < wanted).then(|| self.best_distinct(&starts[..count])).flatten() {
             starts[count] = next;
             count += 1;
         }
         let mut rounds = 0;
-        let mut searches = starts.map(|start| Evolution::new(start, &self.limits));
-        for (search, start) in searches.iter_mut().zip(&mut starts[..count]) {
-            rounds += improve(self.kernel, &self.problem, &self.limits, &self.range, start, SOLVED_ROUNDS);
-            *search = Evolution::new(*start, &self.limits);
-            rounds += self.evolve(search, TRIAL);
+        for start in &mut starts[..count] {
+            rounds += improve(self.kernel, &self.problem, &self.limits, &self.range, start, effort.rounds);
         }
-        searches[..count].sort_unstable_by(|a, b| a.best.cost.total_cmp(&b.best.cost));
-        for search in &mut searches[..count.min(FINALISTS)] {
-            rounds += self.evolve(search, GENERATIONS);
+        let mut searches = starts.map(|start| Evolution::new(start, &self.limits));
+        for (survivors, generation) in effort.rungs {
+            for search in &mut searches[..count.min(survivors)] {
+                rounds += self.evolve(search, generation);
+            }
+            searches[..count].sort_unstable_by(|a, b| a.best.cost.total_cmp(&b.best.cost));
         }
         let found = searches[..count].iter().map(|search| search.best);
         let best = found.fold(best, |best, next| if next.cost < best.cost { next } else { best });

@@ -6,7 +6,7 @@
 use crate::random::Random;
 use crate::record::PARTLY_UNKNOWN;
 use sidestep_mapper::{Widening, planning_cost};
-use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Limits, Twist};
+use sidestep_msgs::{AGE_NEVER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Limits, Robot, Twist};
 
 /// Cells of border round the map in which shapes are drawn too, so that the blur has no edge.
 const BORDER: usize = 4;
@@ -70,9 +70,9 @@ fn centre(row: usize, col: usize) -> (f32, f32) {
     (cell(LOCAL_GRID.rear_m, row), cell(LOCAL_GRID.right_m, col))
 }
 
-/// Makes scene `stream` of `seed`.
+/// Makes scene `stream` of `seed` for a robot.
 #[must_use]
-pub fn scene(seed: u64, stream: u64, limits: &Limits, half_width_m: f32) -> Scene {
+pub fn scene(seed: u64, stream: u64, robot: &Robot) -> Scene {
     let mut random = Random::new(seed, stream);
     let (shapes, mut kind) = world(&mut random);
     let mut canvas = draw(&shapes);
@@ -89,10 +89,13 @@ pub fn scene(seed: u64, stream: u64, limits: &Limits, half_width_m: f32) -> Scen
         kind |= PARTLY_UNKNOWN;
     }
     let (occupancy, age) = measured(&mut random, &canvas, &seen);
+    // A scanner sees what is near, a camera does not: maps of both.
+    let blind = random.chance(0.5);
+    let widening = if blind { Widening::of(robot) } else { Widening::by(robot.half_width_m()) };
     let mut cost = [0; LOCAL_CELLS];
-    planning_cost(&occupancy, &age, Widening::by(half_width_m), &mut cost);
+    planning_cost(&occupancy, &age, widening, &mut cost);
     let (goal_m, goal_cell) = goal(&mut random, &cost);
-    Scene { planning_cost: cost, goal_cell, goal_m, twist: twist(&mut random, limits), kind }
+    Scene { planning_cost: cost, goal_cell, goal_m, twist: twist(&mut random, &robot.limits), kind }
 }
 
 fn world(random: &mut Random) -> (Vec<Shape>, u8) {
@@ -355,17 +358,16 @@ fn twist(random: &mut Random, limits: &Limits) -> Twist {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sidestep_msgs::Robot;
 
-    fn limits() -> Limits {
-        Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml")).unwrap().limits
+    fn robot() -> Robot {
+        Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml")).unwrap()
     }
 
     #[test]
     fn a_scene_depends_on_seed_and_stream_only() {
-        assert_eq!(scene(1, 2, &limits(), 0.285), scene(1, 2, &limits(), 0.285));
-        assert_ne!(scene(1, 2, &limits(), 0.285), scene(1, 3, &limits(), 0.285));
-        assert_ne!(scene(1, 2, &limits(), 0.285), scene(2, 2, &limits(), 0.285));
+        assert_eq!(scene(1, 2, &robot()), scene(1, 2, &robot()));
+        assert_ne!(scene(1, 2, &robot()), scene(1, 3, &robot()));
+        assert_ne!(scene(1, 2, &robot()), scene(2, 2, &robot()));
     }
 
     #[test]
@@ -387,7 +389,7 @@ mod tests {
         let mut kinds = [0; 4];
         let mut unknown = 0;
         for stream in 0..400 {
-            let scene = scene(7, stream, &limits(), 0.285);
+            let scene = scene(7, stream, &robot());
             kinds[usize::from(scene.kind & 3)] += 1;
             unknown += usize::from(scene.kind & PARTLY_UNKNOWN != 0);
             assert!(scene.goal_cell < LOCAL_CELLS && scene.twist.is_finite());

@@ -30,21 +30,21 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_001,
         samples: 20_000,
         bursts: None,
-        content_hash: 0x2f17_8b10_c8ca_808b,
+        content_hash: 0x5d38_2167_46ea_8cd7,
     },
     FrozenSet {
         name: "robust.data",
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x7132_1ca0_f1eb_2e92,
+        content_hash: 0x8469_4ddd_8c6f_be80,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0xd1b3_9b08_d147_525c,
+        content_hash: 0x9ea1_42f8_3403_037d,
     },
 ];
 

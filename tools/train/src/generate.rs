@@ -85,8 +85,7 @@ fn make(options: &DatasetOptions, number: u64, labeller: &mut Labeller) -> Resul
 
 /// The made-up map `stream`, without its labels.
 fn artificial(options: &DatasetOptions, stream: u64) -> Record {
-    let robot = &options.robot;
-    let scene = scene(options.seed, stream, &robot.limits, robot.half_width_m());
+    let scene = scene(options.seed, stream, &options.robot);
     Record {
         planning_cost: scene.planning_cost,
         goal_cell: scene.goal_cell as u16,

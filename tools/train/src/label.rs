@@ -1,16 +1,17 @@
 //! What the expert would do about a frame: the two labels of every record, made at one place.
 
 use crate::record::Record;
-use sidestep_expert::{Config, Mode, Planner, Weights};
+use sidestep_expert::{Config, Effort, Mode, Planner, Weights};
 use sidestep_msgs::Robot;
 
-/// The expert that labels; one per thread.
+/// The expert that labels, with more time than one that drives; one per thread.
 #[derive(Debug, Clone)]
 pub(crate) struct Labeller(Planner);
 
 impl Labeller {
     pub(crate) fn new(robot: &Robot) -> Self {
-        Self(Planner::new(&robot.limits, &Weights::STANDARD, Config::STANDARD.candidates))
+        let candidates = Config::STANDARD.candidates;
+        Self(Planner::searching(&robot.limits, &Weights::STANDARD, candidates, Effort::LABEL))
     }
 
     /// Writes both labels and their costs.

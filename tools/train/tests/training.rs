@@ -80,35 +80,39 @@ fn solving_never_costs_more_than_the_best_candidate() {
     }
 }
 
-/// Solves each frame as labels are solved, and again from 10,000 candidates instead of 2,000: what differs is not in the
-/// frame, and cannot be learned.
+/// Solves each frame as labels are solved, and again by a search several times as long from other starts: what differs is
+/// not in the frame, and cannot be learned.
 #[test]
 fn a_label_says_little_about_the_length_of_its_search() {
-    use sidestep_expert::{Mode, Planner, Weights};
+    use sidestep_expert::{Effort, Mode, Planner, Weights};
     let robot = robot();
-    let mut planners = [734, 10_000].map(|count| Planner::new(&robot.limits, &Weights::STANDARD, count));
-    let mut difference = Difference::default();
-    for stream in 0..1000 {
-        let scene = scene(4242, stream, &robot.limits, robot.half_width_m());
-        let [short, long] = planners.each_mut().map(|planner| {
+    let long = Effort { candidates: 8000, rounds: 20, rungs: [(32, 60), (32, 120), (32, 250)] };
+    let mut planners = [Effort::LIVE, Effort::LABEL, long]
+        .map(|e| Planner::searching(&robot.limits, &Weights::STANDARD, 734, e));
+    let (mut live, mut label) = (Difference::default(), Difference::default());
+    for stream in 0..150 {
+        let scene = scene(4242, stream, &robot);
+        let [fast, labelled, best] = planners.each_mut().map(|planner| {
             let plan = planner.plan(&scene.planning_cost, scene.goal_cell, scene.twist, Mode::Solved);
             within_window(plan.twist, scene.twist, &robot.limits, WINDOWS_S[0])
         });
-        difference.add(short, long);
+        live.add(fast, best);
+        label.add(labelled, best);
     }
-    let Errors { v_mean, w_mean, .. } = difference.errors();
-    println!("labels of two searches differ by {v_mean:.4} m/s and {w_mean:.4} rad/s within 0.1 s");
-    assert!(v_mean < 0.008 && w_mean < 0.012, "{v_mean} {w_mean}");
+    let [live, label] = [live, label].map(|difference| difference.errors());
+    println!("off a long search within 0.1 s, m/s and rad/s: live {live:?}, label {label:?}");
+    assert!(label.v_mean < 0.004 && label.w_mean < 0.008, "{label:?}");
+    assert!(label.v_mean < 0.7 * live.v_mean && label.w_mean < live.w_mean, "{label:?} {live:?}");
 }
 
 /// Plans on mirrored records: the augmentation of the trainer must not contradict the expert.
 #[test]
 fn the_label_of_a_mirrored_record_is_the_mirrored_label() {
-    use sidestep_expert::{Mode, Planner, Weights};
+    use sidestep_expert::{Effort, Mode, Planner, Weights};
     let folder = Folder::new("mirror");
     make(&folder.file("data"), 100, 9, 2);
     let data = Dataset::open(&folder.file("data")).unwrap();
-    let mut planner = Planner::new(&robot().limits, &Weights::STANDARD, 734);
+    let mut planner = Planner::searching(&robot().limits, &Weights::STANDARD, 734, Effort::LABEL);
     for index in 0..100 {
         let record = data.read(index).unwrap();
         let mirror = record.mirrored();
@@ -187,7 +191,7 @@ fn the_held_out_data_are_those_that_figures_were_measured_on() {
     let folder = Folder::new("frozen");
     let prefix = |set: &FrozenSet| set.make(&folder.0, 64, 2, &robot(), &mut |_| {}).unwrap().content_hash;
     let found = FROZEN_SETS.each_ref().map(prefix);
-    let needed = [5_773_282_743_516_676_789, 212_579_527_508_168_646, 4_841_252_797_813_352_160];
+    let needed = [9_978_376_645_044_243_879, 779_969_530_000_456_302, 9_159_831_408_432_826_024];
     assert_eq!(
         found, needed,
         "held-out data changed: make them again, update both lists of hashes, measure all figures again"
