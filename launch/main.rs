@@ -13,6 +13,7 @@ mod interface;
 mod keyboard;
 mod learning;
 mod live;
+mod long;
 mod look;
 mod manifest;
 mod monitor;

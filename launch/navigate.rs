@@ -3,6 +3,7 @@
 
 use crate::failure::Failure;
 use crate::learning::{read, threads};
+use crate::long::LongArguments;
 use crate::manifest::robot_named;
 use clap::{Args, ValueEnum};
 use sidestep_drive::{Lead, Sight};
@@ -21,9 +22,12 @@ pub(crate) struct NavigateArguments {
     /// Unseen rooms through the whole chain, depth to map to command.
     #[arg(long, default_value_t = 0)]
     full: u64,
+    /// Kilometres under every lead and a reckless one, added up in a ledger.
+    #[command(flatten)]
+    long: LongArguments,
     /// Seed of the rooms; a robot has never been in those of another one.
     #[arg(long, default_value_t = 1)]
-    seed: u64,
+    pub(crate) seed: u64,
     /// Leads to drive; without it all four.
     #[arg(long)]
     lead: Vec<LeadName>,
@@ -32,7 +36,7 @@ pub(crate) struct NavigateArguments {
     arbiter: ArbiterUse,
     /// `[s]` a room not crossed within this is not reached.
     #[arg(long, default_value_t = 60.0)]
-    limit: f64,
+    pub(crate) limit: f64,
     /// The worlds of Fig. 7 and the scenes of Fig. 8.
     #[arg(long)]
     figures: bool,
@@ -41,13 +45,13 @@ pub(crate) struct NavigateArguments {
     normal: Option<PathBuf>,
     /// A model instead of the embedded one.
     #[arg(long)]
-    model: Option<PathBuf>,
+    pub(crate) model: Option<PathBuf>,
     /// Built-in robot or path of a robot file.
     #[arg(long, default_value = "loomo")]
-    robot: String,
+    pub(crate) robot: String,
     /// Threads; no influence on the numbers.
     #[arg(long)]
-    threads: Option<usize>,
+    pub(crate) threads: Option<usize>,
     /// Writes the report, all in one page.
     #[arg(long)]
     html: Option<PathBuf>,
@@ -114,7 +118,7 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     })
 }
 
-fn failure(error: &NavigateError) -> Failure {
+pub(crate) fn failure(error: &NavigateError) -> Failure {
     match error {
         NavigateError::Option { .. } => Failure::usage(error.to_string()),
         _ => Failure::io(error.to_string()),
@@ -130,8 +134,11 @@ pub(crate) fn navigate(arguments: &NavigateArguments) -> Result<(), Failure> {
         .into_iter()
         .flatten()
         .try_for_each(|path| crate::output::may_write(path))?;
+    if arguments.long.is_asked_for() {
+        return crate::long::long(arguments, &arguments.long);
+    }
     if arguments.rooms + arguments.full == 0 && !arguments.figures && arguments.normal.is_none() {
-        let text = "navigate: nothing to drive, needed: --rooms N, --full N, --figures or --normal MODEL";
+        let text = "navigate: nothing to drive, needed: --rooms N, --full N, --figures, --normal MODEL or --suite long";
         return Err(Failure::usage(text));
     }
     let navigation = drive(arguments)?;
@@ -154,12 +161,19 @@ pub(crate) fn navigate(arguments: &NavigateArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+impl NavigateArguments {
+    /// Bytes of the model that was asked for, and what to call it.
+    pub(crate) fn model(&self) -> Result<(Vec<u8>, String), Failure> {
+        Ok(match &self.model {
+            None => (sidestep_policy::embedded().to_vec(), "embedded".to_owned()),
+            Some(path) => (read(path)?, path.display().to_string()),
+        })
+    }
+}
+
 fn drive(arguments: &NavigateArguments) -> Result<Navigation, Failure> {
     let robot = robot_named(&arguments.robot)?.0;
-    let (model, model_name) = match &arguments.model {
-        None => (sidestep_policy::embedded().to_vec(), "embedded".to_owned()),
-        Some(path) => (read(path)?, path.display().to_string()),
-    };
+    let (model, model_name) = arguments.model()?;
     let threads = threads(arguments.threads);
     let mut progress = |line: &str| crate::output::note(line.to_owned());
     let mut navigation = Navigation::default();

@@ -71,8 +71,12 @@ impl Motion {
 
     /// `[m]` gap between robot and the nearest thing; 0 = contact.
     pub(crate) fn clearance_m(&self, world: &World, outline: &Outline) -> f64 {
-        let solids = world.solids.iter().copied().chain(self.people.solids(&world.walkers));
-        outline.gap_m(&self.base.pose, solids)
+        self.clearance_at_m(&self.base.pose, world, outline)
+    }
+
+    /// `[m]` the gap that there would be at another pose.
+    pub(crate) fn clearance_at_m(&self, pose: &Pose2, world: &World, outline: &Outline) -> f64 {
+        outline.gap_m(pose, world.solids.iter().copied().chain(self.people.solids(&world.walkers)))
     }
 
     /// The world has changed: what is near must be looked at again.

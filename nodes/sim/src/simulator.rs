@@ -127,6 +127,12 @@ impl Simulator {
         self.current.base.pose
     }
 
+    /// `[m]` gap between the robot and the nearest thing, were it at `pose` now.
+    #[must_use]
+    pub fn clearance_at_m(&self, pose: &Pose2) -> f64 {
+        self.current.clearance_at_m(pose, &self.world, &self.outline)
+    }
+
     /// Everything that stands or walks there now.
     pub fn solids(&self) -> impl Iterator<Item = Solid> {
         let people = self.current.people.solids(&self.world.walkers);

@@ -19,6 +19,14 @@ pub enum NavigateError {
     /// Numbers that cannot be written.
     #[error("navigate: the numbers cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),
+    /// A ledger that cannot be read or written.
+    #[error("navigate: the ledger {path}: {detail}; name another file, or make this one fit")]
+    Ledger {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        detail: String,
+    },
     /// An option that makes no sense.
     #[error("navigate: {option} is {found}, needed: {needed}")]
     Option {

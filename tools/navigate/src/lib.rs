@@ -4,6 +4,8 @@ mod beside;
 mod corridor;
 mod drawing;
 mod error;
+mod ledger;
+mod long;
 mod page;
 mod pilot;
 mod reference;
@@ -20,6 +22,8 @@ pub use corridor::{
     crowded,
 };
 pub use error::NavigateError;
+pub use ledger::{Account, Contact, Ledger, Tally, rate_at_most};
+pub use long::{LongOptions, RECKLESS, behaviour, long};
 pub use page::Navigation;
 pub use pilot::{Conditions, Driven, Ending};
 pub use room::{Course, GRADES, Grade, SIZE_M, WAY_M, room};

@@ -3,7 +3,7 @@
 use crate::error::NavigateError;
 use crate::room::Course;
 use serde::Serialize;
-use sidestep_drive::{Drive, Lead, Setup, Sight};
+use sidestep_drive::{Drive, Lead, Outcome, Setup, Sight};
 use sidestep_expert::{Config, Judge, Weights};
 use sidestep_msgs::{LOCAL_CELLS, Robot, Status, Twist, clamp_to_window};
 use sidestep_policy::Policy;
@@ -44,6 +44,16 @@ pub enum Ending {
     Contact,
     /// The time ran out.
     Late,
+}
+
+impl Ending {
+    pub(crate) fn of(outcome: &Outcome, goals: u32) -> Self {
+        match outcome {
+            _ if outcome.collisions > 0 => Self::Contact,
+            _ if outcome.arrivals >= goals => Self::Reached,
+            _ => Self::Late,
+        }
+    }
 }
 
 /// What came of one drive.
@@ -98,6 +108,11 @@ impl<'a> Pilot<'a> {
 
     /// A drive that has not begun; [`Self::take_back`] ends it.
     pub(crate) fn begin(&mut self, course: &Course, conditions: Conditions) -> Result<Drive, NavigateError> {
+        Ok(Drive::new(self.setup(course, conditions))?)
+    }
+
+    /// What such a drive is made of.
+    pub(crate) fn setup(&mut self, course: &Course, conditions: Conditions) -> Setup {
         let mut setup = Setup::led_by(self.robot.clone(), course.world.clone(), conditions.lead);
         (setup.sim.width_px, setup.sim.height_px) = PIXELS;
         setup.sim.seed = course.seed;
@@ -107,7 +122,7 @@ impl<'a> Pilot<'a> {
         if conditions.arbitrated || conditions.lead.needs_policy() {
             setup.policy = self.policy.take();
         }
-        Ok(Drive::new(setup)?)
+        setup
     }
 
     pub(crate) fn take_back(&mut self, drive: Drive) {
@@ -153,13 +168,8 @@ impl<'a> Pilot<'a> {
             }
         }
         let outcome = drive.outcome();
-        let ending = match outcome {
-            _ if outcome.collisions > 0 => Ending::Contact,
-            _ if outcome.arrivals >= goals => Ending::Reached,
-            _ => Ending::Late,
-        };
         let driven = Driven {
-            ending,
+            ending: Ending::of(outcome, goals),
             time_s: outcome.time_s,
             distance_m: outcome.distance_m,
             standing_s: outcome.standing_s,
@@ -175,6 +185,6 @@ impl<'a> Pilot<'a> {
     }
 }
 
-fn is_standing(twist: Twist) -> bool {
+pub(crate) fn is_standing(twist: Twist) -> bool {
     twist.v_m_s.abs() < STANDING && twist.w_rad_s.abs() < STANDING
 }

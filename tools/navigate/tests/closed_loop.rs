@@ -4,8 +4,8 @@
 use sidestep_drive::{Lead, Sight};
 use sidestep_msgs::{Pose2, Robot};
 use sidestep_navigate::{
-    CorridorOptions, Course, Ending, FIRST_SEED, Navigation, Suite, SuiteOptions, beside, corridors,
-    drive_courses, rooms, sudden, tune,
+    CorridorOptions, Course, Ending, FIRST_SEED, Ledger, LongOptions, Navigation, RECKLESS, Suite,
+    SuiteOptions, behaviour, beside, corridors, drive_courses, long, rooms, sudden, tune,
 };
 use sidestep_sim::{Solid, World};
 
@@ -156,4 +156,56 @@ fn tuning_drives_every_weight_halved_and_doubled() {
     assert!(trials.iter().all(|trial| trial.rooms == 2 && trial.score_s > 1.0), "{trials:?}");
     assert_eq!(trials[0].name, "as shipped");
     assert!(tune(&loomo(), 0, 2, &mut |_| ()).unwrap_err().to_string().contains("needed: at least 1"));
+}
+
+fn long_options(robot: &Robot, distance_m: f64) -> LongOptions<'_> {
+    LongOptions {
+        robot,
+        model: sidestep_policy::embedded(),
+        model_name: "embedded",
+        sight: Sight::Grid,
+        distance_m,
+        limit_s: 60.0,
+        threads: 2,
+    }
+}
+
+/// A quarter of a kilometre in one go, and in two calls with another number of threads.
+#[test]
+fn a_long_suite_goes_on_where_it_stopped_and_touches_nothing_however_it_is_led() {
+    let (robot, mut ledger) = (loomo(), Ledger::default());
+    let whole = long_options(&robot, 260.0);
+    let account = ledger.account("one", "grid", 5);
+    long(&whole, account, &mut |_| Ok(())).unwrap();
+    let account = account.clone();
+    let mut kept = 0;
+    for (distance_m, threads) in [(100.0, 1), (260.0, 2)] {
+        let part = LongOptions { distance_m, threads, ..whole };
+        let mut keep = |_: &sidestep_navigate::Account| {
+            kept += 1;
+            Ok(())
+        };
+        long(&part, ledger.account("two", "grid", 5), &mut keep).unwrap();
+    }
+    let again = ledger.account("two", "grid", 5);
+    assert_eq!((kept * 6, &again.drivers), (account.next, &account.drivers));
+    assert_eq!((account.contacts(), account.drivers.len()), (0, 5), "{account:?}");
+    let reckless = &account.drivers[RECKLESS];
+    assert!(reckless.drives > 0 && reckless.distance_m > 5.0, "{reckless:?}");
+    let led = account.drivers.iter().filter(|(name, _)| *name != RECKLESS);
+    assert!(led.clone().all(|(_, tally)| tally.reached + 1 >= tally.drives), "{account:?}");
+    let refused = long(&LongOptions { distance_m: 0.0, ..whole }, &mut account.clone(), &mut |_| Ok(()));
+    assert!(refused.unwrap_err().to_string().contains("km is 0 km, needed: more than 0"));
+}
+
+/// Who drives otherwise opens another account.
+#[test]
+fn a_behaviour_is_told_by_its_commands() {
+    let robot = loomo();
+    let mut slower = robot.clone();
+    slower.actuator.dead_time_max_s += 0.1;
+    let [one, again, other] =
+        [&robot, &robot, &slower].map(|robot| behaviour(&long_options(robot, 1.0)).unwrap());
+    assert_eq!(one, again);
+    assert_ne!(one, other);
 }

@@ -3,6 +3,7 @@
 //! Vectors run over the cells of a row; each cell of a sum has its own lane until the end, so the bits do not depend
 //! on the instruction set. Backward visits, per row, only the channels that won somewhere in it.
 
+use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
 use sidestep_msgs::LOCAL_SIDE;
 use sidestep_policy::{Lanes, ROW_CELLS as WIDTH, convolve, multiply_add, on_lanes};
 
@@ -14,6 +15,22 @@ pub(crate) const PLANE: usize = (LOCAL_SIDE + 2) * STRIDE;
 const HALF: usize = WIDTH / 2;
 /// Winners of a round.
 const WINNERS: usize = LOCAL_SIDE * WIDTH;
+/// Lines of a row of what is sent to neighbours: one of zeros, of which the last is read, and the cells.
+const SENT_LINES: usize = 1 + WIDTH / HALF;
+/// Floats of that row, and of the plane with a row of zeros above and below.
+const SENT_STRIDE: usize = SENT_LINES * HALF;
+const SENT_PLANE: usize = (LOCAL_SIDE + 2) * SENT_STRIDE;
+
+/// Half a row on a cache line of its own: what is added to over and over must not straddle two (a store that does takes
+/// twice as long).
+#[repr(C, align(64))]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Line([f32; HALF]);
+
+/// `count` floats on whole lines.
+fn lines(count: usize) -> Vec<Line> {
+    vec![Line([0.0; HALF]); count.div_ceil(HALF) + 1]
+}
 
 /// Index of a cell in a padded plane.
 #[inline]
@@ -44,13 +61,13 @@ pub(crate) struct Trace {
 /// Memory shared by all samples of a thread.
 #[derive(Debug, Clone)]
 pub(crate) struct PlaneScratch {
-    reward: Vec<f32>,
+    reward: Vec<Line>,
     /// Gradient of rq.
-    reward_gradient: Vec<f32>,
+    reward_gradient: Vec<Line>,
     /// Gradient of the value kernels, one sum per lane.
-    sums: Vec<[[f32; HALF]; 9]>,
+    sums: Vec<[Line; 9]>,
     /// Per tap: gradient sent to that neighbour.
-    sent: Vec<f32>,
+    sent: Vec<Line>,
     gradient: Vec<f32>,
 }
 
@@ -72,10 +89,10 @@ impl Trace {
 impl PlaneScratch {
     pub(crate) fn new(channels: usize) -> Self {
         Self {
-            reward: vec![0.0; channels * WINNERS],
-            reward_gradient: vec![0.0; channels * WINNERS],
-            sums: vec![[[0.0; HALF]; 9]; channels],
-            sent: vec![0.0; 9 * PLANE],
+            reward: lines(channels * WINNERS),
+            reward_gradient: lines(channels * WINNERS),
+            sums: vec![[Line([0.0; HALF]); 9]; channels],
+            sent: lines(9 * SENT_PLANE),
             gradient: vec![0.0; PLANE],
         }
     }
@@ -103,10 +120,11 @@ on_lanes! {
 
 #[inline(always)]
 fn forward_body<const FUSED: bool>(kernels: &Kernels, trace: &mut Trace, scratch: &mut PlaneScratch) {
+    let reward: &mut [f32] = cast_slice_mut(&mut scratch.reward);
     for (channel, (kernel, bias)) in kernels.reward.iter().zip(&kernels.bias).enumerate() {
         for row in 0..LOCAL_SIDE {
             let sums = convolve::<FUSED, 1, STRIDE>(&[*kernel], [[*bias; WIDTH]], &trace.reward_map, row);
-            scratch.reward[(channel * LOCAL_SIDE + row) * WIDTH..][..WIDTH].copy_from_slice(&sums[0]);
+            reward[(channel * LOCAL_SIDE + row) * WIDTH..][..WIDTH].copy_from_slice(&sums[0]);
         }
     }
     let planes = trace.planes.chunks_exact_mut(PLANE);
@@ -116,14 +134,7 @@ fn forward_body<const FUSED: bool>(kernels: &Kernels, trace: &mut Trace, scratch
     {
         if let (Some(from), Some(winners)) = (from, winners) {
             for row in 0..LOCAL_SIDE {
-                forward_row::<FUSED>(
-                    kernels,
-                    &scratch.reward,
-                    from,
-                    row,
-                    plane,
-                    &mut winners[row * WIDTH..][..WIDTH],
-                );
+                forward_row::<FUSED>(kernels, reward, from, row, plane, &mut winners[row * WIDTH..][..WIDTH]);
             }
         }
         from = Some(plane);
@@ -181,21 +192,21 @@ fn backward_body<const FUSED: bool>(
     scratch: &mut PlaneScratch,
     out: &mut [f32],
 ) {
-    scratch.reward_gradient.fill(0.0);
-    scratch.sums.fill([[0.0; HALF]; 9]);
+    scratch.reward_gradient.fill(Line([0.0; HALF]));
+    scratch.sums.fill([Line([0.0; HALF]); 9]);
     for round in (0..kernels.rounds).rev() {
         let plane = &trace.planes[round * PLANE..][..PLANE];
         let winners = &trace.winners[round * WINNERS..][..WINNERS];
         for half in 0..2 * LOCAL_SIDE {
             let sent = backward_half::<FUSED>(kernels, plane, winners, half, scratch);
-            let place = place(half / 2, half % 2 * HALF);
+            let line = (half / 2 + 1) * SENT_LINES + 1 + half % 2;
             for (tap, sent) in sent.iter().enumerate() {
-                scratch.sent[tap * PLANE + place..][..HALF].copy_from_slice(sent);
+                scratch.sent[tap * (SENT_PLANE / HALF) + line].0 = *sent;
             }
         }
-        gather(&scratch.sent, &mut scratch.gradient);
+        gather(cast_slice(&scratch.sent), &mut scratch.gradient);
     }
-    collect::<FUSED>(kernels.value.len(), trace, &scratch.reward_gradient, &scratch.sums, out);
+    collect::<FUSED>(kernels.value.len(), trace, cast_slice(&scratch.reward_gradient), &scratch.sums, out);
 }
 
 /// The first half row of a slice.
@@ -237,14 +248,14 @@ fn backward_half<const FUSED: bool>(
             part[lane] = if won[lane] == channel { own[lane] } else { 0.0 };
         }
         let channel = channel as usize;
-        let reward = &mut scratch.reward_gradient[channel * WINNERS + row * WIDTH + col..][..HALF];
+        let Line(reward) = &mut scratch.reward_gradient[(channel * WINNERS + row * WIDTH + col) / HALF];
         for lane in 0..HALF {
             reward[lane] += part[lane];
         }
         let (weights, sums) = (&kernels.value[channel], &mut scratch.sums[channel]);
         for tap in 0..9 {
             let cells = load(&plane[(row + tap / 3) * STRIDE + col + tap % 3..]);
-            sums[tap] = lanes_multiply_add::<FUSED>(part, cells, sums[tap]);
+            sums[tap].0 = lanes_multiply_add::<FUSED>(part, cells, sums[tap].0);
             sent[tap] = lanes_multiply_add::<FUSED>(part, [weights[tap]; HALF], sent[tap]);
         }
     }
@@ -258,7 +269,7 @@ fn gather(sent: &[f32], gradient: &mut [f32]) {
         let mut total = [0.0; WIDTH];
         for tap in 0..9 {
             // What the cell one tap back sent here.
-            let from = tap * PLANE + (row + 2 - tap / 3) * STRIDE + 2 - tap % 3;
+            let from = tap * SENT_PLANE + (row + 2 - tap / 3) * SENT_STRIDE + HALF + 1 - tap % 3;
             for (total, sent) in total.iter_mut().zip(&sent[from..][..WIDTH]) {
                 *total += sent;
             }
@@ -274,7 +285,7 @@ fn collect<const FUSED: bool>(
     channels: usize,
     trace: &Trace,
     reward_gradient: &[f32],
-    sums: &[[[f32; HALF]; 9]],
+    sums: &[[Line; 9]],
     out: &mut [f32],
 ) {
     for channel in 0..channels {
@@ -294,7 +305,7 @@ fn collect<const FUSED: bool>(
         }
         for tap in 0..9 {
             out[channel * 9 + tap] += taps[tap].iter().sum::<f32>();
-            out[channels * 10 + channel * 9 + tap] += sums[channel][tap].iter().sum::<f32>();
+            out[channels * 10 + channel * 9 + tap] += sums[channel][tap].0.iter().sum::<f32>();
         }
         out[channels * 9 + channel] += bias.iter().sum::<f32>();
     }

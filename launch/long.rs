@@ -1,0 +1,103 @@
+//! `sidestep navigate --suite long`: kilometres, added up over as many calls as it takes.
+
+use crate::failure::Failure;
+use crate::learning::threads;
+use crate::manifest::robot_named;
+use crate::navigate::{NavigateArguments, failure};
+use clap::{Args, ValueEnum};
+use sidestep_drive::Sight;
+use sidestep_navigate::{Account, Ledger, LongOptions, behaviour};
+use std::path::PathBuf;
+
+/// How far to drive, and where it is written down.
+#[derive(Debug, Args)]
+pub(crate) struct LongArguments {
+    /// Unseen rooms without end, under every lead and one that drives full speed and turns at random.
+    #[arg(long)]
+    suite: Option<SuiteName>,
+    /// `[km]` way of the whole account at which to end; what earlier calls drove counts.
+    #[arg(long, default_value_t = 1.0)]
+    km: f64,
+    /// File that the suite adds up in, one account for each behaviour of arbiter and robot.
+    #[arg(long, default_value = "ledger.json")]
+    ledger: PathBuf,
+    /// How the robot sees in it.
+    #[arg(long, default_value = "camera")]
+    sight: SightName,
+}
+
+/// Suites by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SuiteName {
+    Long,
+}
+
+/// As [`Sight`], on the command line.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SightName {
+    /// The whole chain, from rendered depth on.
+    Camera,
+    /// Both maps drawn from the world.
+    Grid,
+}
+
+impl LongArguments {
+    pub(crate) fn is_asked_for(&self) -> bool {
+        self.suite.is_some()
+    }
+}
+
+/// Drives on until the account has its kilometres, and prints what it adds up to.
+///
+/// # Errors
+/// Exit code 1 for a contact, 2 for an option, 3 for a file.
+pub(crate) fn long(arguments: &NavigateArguments, long: &LongArguments) -> Result<(), Failure> {
+    let robot = robot_named(&arguments.robot)?.0;
+    let (model, model_name) = arguments.model()?;
+    let options = LongOptions {
+        robot: &robot,
+        model: &model,
+        model_name: &model_name,
+        sight: match long.sight {
+            SightName::Camera => Sight::Camera,
+            SightName::Grid => Sight::Grid,
+        },
+        distance_m: 1000.0 * long.km,
+        limit_s: arguments.limit,
+        threads: threads(arguments.threads),
+    };
+    let mut ledger = Ledger::read(&long.ledger).map_err(|error| failure(&error))?;
+    let behaviour = behaviour(&options).map_err(|error| failure(&error))?;
+    let mut account = ledger.account(&behaviour, options.sight.label(), arguments.seed).clone();
+    let mut keep = |account: &Account| {
+        crate::output::note(format!("{:.2} of {} km", account.distance_m() / 1000.0, long.km));
+        ledger.account(&behaviour, options.sight.label(), arguments.seed).clone_from(account);
+        ledger.write(&long.ledger)
+    };
+    let driven = sidestep_navigate::long(&options, &mut account, &mut keep);
+    driven.map_err(|error| failure(&error))?;
+    print(&account);
+    match account.contacts() {
+        0 => Ok(()),
+        contacts => Err(Failure::unmet(format!("{contacts} contacts with the arbiter on"))),
+    }
+}
+
+fn print(account: &Account) {
+    let Account { behaviour, sight, seed, .. } = account;
+    crate::output::line(&format!("behaviour {behaviour}, sight {sight}, rooms of seed {seed}"));
+    for (driver, tally) in &account.drivers {
+        crate::output::line(&format!("  {driver:9} {}", tally.line()));
+        for contact in &tally.contacts {
+            let [x_m, y_m] = contact.at_m;
+            crate::output::line(&format!(
+                "    contact in room {} after {:.2} s at ({x_m:.2}, {y_m:.2}): {}",
+                contact.room, contact.time_s, contact.summary
+            ));
+        }
+    }
+    let km = account.distance_m() / 1000.0;
+    let bound = sidestep_navigate::rate_at_most(account.contacts()) / km.max(1e-9);
+    let contacts = account.contacts();
+    crate::output::line(&format!("  all       {km:.2} km, {contacts} contacts, at most {bound:.3} per km"));
+}

@@ -1,0 +1,188 @@
+//! What long suites add up to: a file with one account for each arbiter, robot and way of seeing, and in it one for each
+//! driver.
+
+use crate::error::NavigateError;
+use serde::{Deserialize, Serialize};
+use sidestep_report::Proportion;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Everything ever driven, by what drove.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ledger {
+    /// One for each arbiter, robot, way of seeing and seed.
+    pub accounts: Vec<Account>,
+}
+
+/// What one arbiter drove.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Account {
+    /// Fingerprint of how arbiter and robot behave ([`crate::behaviour`]), in hexadecimal.
+    pub behaviour: String,
+    /// How the robot saw.
+    pub sight: String,
+    /// Seed of the rooms.
+    pub seed: u64,
+    /// Number of the next room.
+    pub next: u64,
+    /// By driver.
+    pub drivers: BTreeMap<String, Tally>,
+}
+
+/// What one driver did.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// Rooms entered.
+    pub drives: u64,
+    /// Of them crossed in time without contact.
+    pub reached: u64,
+    /// `[m]` way driven.
+    pub distance_m: f64,
+    /// `[s]` time driven.
+    pub time_s: f64,
+    /// Times the arbiter brought the robot to rest.
+    pub stops: u64,
+    /// Of them where nothing stood in the way of what was wished.
+    pub false_stops: u64,
+    /// Every contact.
+    pub contacts: Vec<Contact>,
+}
+
+/// A contact, to be driven again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    /// Number of the room within the seed.
+    pub room: u64,
+    /// `[s]` after the start.
+    pub time_s: f64,
+    /// `[m]` where.
+    pub at_m: [f64; 2],
+    /// In words.
+    pub summary: String,
+}
+
+impl Ledger {
+    /// Reads a file; an absent one is an empty ledger.
+    ///
+    /// # Errors
+    /// [`NavigateError::Ledger`] where it cannot be read or is none.
+    pub fn read(path: &Path) -> Result<Self, NavigateError> {
+        let unfit = |detail: String| NavigateError::Ledger { path: path.display().to_string(), detail };
+        match std::fs::read_to_string(path) {
+            Ok(text) => serde_json::from_str(&text).map_err(|error| unfit(error.to_string())),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(error) => Err(unfit(error.to_string())),
+        }
+    }
+
+    /// Writes the file in one move: a kill leaves the old one or the new one.
+    ///
+    /// # Errors
+    /// [`NavigateError::Ledger`] where the disk refuses.
+    pub fn write(&self, path: &Path) -> Result<(), NavigateError> {
+        let beside = path.with_extension("part");
+        let text = serde_json::to_string_pretty(self)?;
+        let kept = std::fs::write(&beside, text + "\n").and_then(|()| std::fs::rename(&beside, path));
+        kept.map_err(|error| NavigateError::Ledger {
+            path: path.display().to_string(),
+            detail: error.to_string(),
+        })
+    }
+
+    /// The account of a behaviour, opened where there is none yet.
+    pub fn account(&mut self, behaviour: &str, sight: &str, seed: u64) -> &mut Account {
+        let same = |account: &Account| {
+            account.behaviour == behaviour && account.sight == sight && account.seed == seed
+        };
+        let place = self.accounts.iter().position(same).unwrap_or_else(|| {
+            let (behaviour, sight) = (behaviour.to_owned(), sight.to_owned());
+            self.accounts.push(Account { behaviour, sight, seed, next: 0, drivers: BTreeMap::new() });
+            self.accounts.len() - 1
+        });
+        &mut self.accounts[place]
+    }
+}
+
+impl Account {
+    /// `[m]` way of all drivers.
+    #[must_use]
+    pub fn distance_m(&self) -> f64 {
+        self.drivers.values().map(|tally| tally.distance_m).sum()
+    }
+
+    /// Contacts of all drivers.
+    #[must_use]
+    pub fn contacts(&self) -> u64 {
+        self.drivers.values().map(|tally| tally.contacts.len() as u64).sum()
+    }
+}
+
+impl Tally {
+    /// One line: what a driver did, and how many contacts per kilometre 95 % of such results would rule out.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let km = (self.distance_m / 1000.0).max(1e-9);
+        format!(
+            "{:.2} km, reached {}, {:.2} m/s, {:.2} stops and {:.2} false ones per km, {} contacts, at most {:.2} per km",
+            self.distance_m / 1000.0,
+            Proportion::new(self.reached, self.drives).text(),
+            self.distance_m / self.time_s.max(1e-9),
+            self.stops as f64 / km,
+            self.false_stops as f64 / km,
+            self.contacts.len(),
+            rate_at_most(self.contacts.len() as u64) / km
+        )
+    }
+}
+
+/// Largest mean of a Poisson distribution that shows at most `count` with a chance of 5 % or more: the exact one-sided
+/// bound of 95 % (Garwood 1936).
+#[must_use]
+pub fn rate_at_most(count: u64) -> f64 {
+    let chance = |mean: f64| {
+        let mut term = libm::exp(-mean);
+        let mut sum = term;
+        for number in 1..=count {
+            term *= mean / number as f64;
+            sum += term;
+        }
+        sum
+    };
+    let (mut low, mut high) = (0.0, 3.0 * count as f64 + 10.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if chance(middle) > 0.05 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Garwood's table: 2.996 for none, 4.744 for one, 9.154 for four.
+    #[test]
+    fn the_bound_is_that_of_the_table() {
+        for (count, bound) in [(0, 2.9957), (1, 4.7439), (4, 9.1535)] {
+            assert!((rate_at_most(count) - bound).abs() < 1e-3, "{count}: {}", rate_at_most(count));
+        }
+    }
+
+    #[test]
+    fn a_ledger_is_what_was_written_and_keeps_accounts_apart() {
+        let path = std::env::temp_dir().join(format!("sidestep-ledger-{}.json", std::process::id()));
+        let mut ledger = Ledger::read(&path).unwrap();
+        ledger.account("a", "grid", 1).next = 7;
+        ledger.account("b", "grid", 1).next = 9;
+        assert_eq!(ledger.account("a", "grid", 1).next, 7);
+        ledger.account("a", "camera", 1);
+        ledger.write(&path).unwrap();
+        assert_eq!(Ledger::read(&path).unwrap(), ledger);
+        assert_eq!(ledger.accounts.len(), 3);
+        std::fs::write(&path, "{\"accounts\": 3}").unwrap();
+        let error = Ledger::read(&path).unwrap_err().to_string();
+        assert!(error.contains("invalid type") && error.contains("name another file"), "{error}");
+        std::fs::remove_file(&path).unwrap();
+        assert!(ledger.write(&path.join("absent/x.json")).unwrap_err().to_string().contains("absent"));
+    }
+}
