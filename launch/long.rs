@@ -7,22 +7,23 @@ use crate::navigate::{NavigateArguments, failure};
 use clap::{Args, ValueEnum};
 use sidestep_drive::Sight;
 use sidestep_navigate::{Account, Ledger, LongOptions, behaviour};
-use std::path::PathBuf;
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
 
 /// How far to drive, and where it is written down.
 #[derive(Debug, Args)]
 pub(crate) struct LongArguments {
     /// Unseen rooms without end, under every lead and one that drives full speed and turns at random.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["rooms", "full", "figures", "normal", "lead", "arbiter", "html", "json"])]
     suite: Option<SuiteName>,
     /// `[km]` way of the whole account at which to end; what earlier calls drove counts.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, requires = "suite")]
     km: f64,
     /// File that the suite adds up in, one account for each behaviour of arbiter and robot.
-    #[arg(long, default_value = "ledger.json")]
+    #[arg(long, default_value = "ledger.json", requires = "suite")]
     ledger: PathBuf,
     /// How the robot sees in it.
-    #[arg(long, default_value = "camera")]
+    #[arg(long, default_value = "camera", requires = "suite")]
     sight: SightName,
 }
 
@@ -52,6 +53,8 @@ impl LongArguments {
 /// # Errors
 /// Exit code 1 for a contact, 2 for an option, 3 for a file.
 pub(crate) fn long(arguments: &NavigateArguments, long: &LongArguments) -> Result<(), Failure> {
+    crate::output::may_write(&long.ledger)?;
+    let _alone = lock(&long.ledger)?;
     let robot = robot_named(&arguments.robot)?.0;
     let (model, model_name) = arguments.model()?;
     let options = LongOptions {
@@ -83,6 +86,21 @@ pub(crate) fn long(arguments: &NavigateArguments, long: &LongArguments) -> Resul
     }
 }
 
+/// Keeps a second call off the same ledger: each writes the whole file.
+fn lock(ledger: &Path) -> Result<File, Failure> {
+    let path = ledger.with_extension("lock");
+    let failed = |error: &dyn std::fmt::Display| Failure::io(format!("{}: {error}", path.display()));
+    let file = File::create(&path).map_err(|error| failed(&error))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Failure::usage(format!(
+            "{}: another call adds to it; wait for that one, or name another with --ledger",
+            ledger.display()
+        ))),
+        Err(TryLockError::Error(error)) => Err(failed(&error)),
+    }
+}
+
 fn print(account: &Account) {
     let Account { behaviour, sight, seed, .. } = account;
     crate::output::line(&format!("behaviour {behaviour}, sight {sight}, rooms of seed {seed}"));
@@ -97,7 +115,7 @@ fn print(account: &Account) {
         }
     }
     let km = account.distance_m() / 1000.0;
-    let bound = sidestep_navigate::rate_at_most(account.contacts()) / km.max(1e-9);
+    let bound = sidestep_report::rate_at_most(account.contacts()) / km.max(1e-9);
     let contacts = account.contacts();
     crate::output::line(&format!("  all       {km:.2} km, {contacts} contacts, at most {bound:.3} per km"));
 }

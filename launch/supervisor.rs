@@ -264,6 +264,9 @@ impl Supervisor {
         let run = self.names.run + 1;
         let domain = Domain::create(run)?;
         self.graph.write(&domain.name.root)?;
+        // Whoever ordered the robot to stay ordered this run, wherever it goes on.
+        let carried = sidestep_arbiter::carry_orders(&self.names.domain.root, &domain.name.root);
+        carried.map_err(|error| Failure::io(format!("{}: {error}", domain.name.root.display())))?;
         self.names = RunNames { domain: domain.name.clone(), run };
         self.link = Link::attach(&domain.name, "supervisor", run, 0)?;
         for node in &mut self.nodes {

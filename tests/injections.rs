@@ -131,7 +131,7 @@ fn injections_into_the_arbiter_are_answered_by_the_base() {
         begun.add(since_ns(seen[over..].iter().find(slower).unwrap()));
         let rest_ns = since_ns(seen[over..].iter().find(|odometry| rests(odometry)).unwrap());
         rested.add(rest_ns);
-        // In graph time, which the load of the machine does not stretch: dead time and v / brake of the weakest base.
+        // From stamp to stamp of graph time: dead time and v / brake of the weakest base.
         let actuator = &robot.actuator;
         let bound_s = actuator.dead_time_max_s + rolls_m_s / actuator.brake_min_m_s2;
         assert!(rest_ns as f64 * 1e-9 <= f64::from(bound_s), "{rest_ns} ns to rest, {bound_s} s at most");

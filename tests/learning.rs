@@ -110,3 +110,26 @@ fn what_cannot_be_learned_from_is_refused_with_what_is_needed() {
     refused(&["recall", "--trials", "0"], 2, &["needed: 1 to 100000"]);
     refused(&["recall", "--robot", "jackal"], 2, &["jackal", "no depth camera, needed"]);
 }
+
+/// Twice the same call: the second finds its kilometres in the ledger and drives nothing.
+#[test]
+fn a_long_suite_adds_up_in_its_ledger() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("ledger");
+    let ledger = folder.join("ledger.json").display().to_string();
+    let words = ["navigate", "--suite", "long", "--sight", "grid", "--km", "0.02", "--ledger", &ledger];
+    let first = run(&words);
+    assert!(first.code == 0 && first.out.contains("0 contacts, at most"), "{}{}", first.out, first.err);
+    let kept = std::fs::read_to_string(&ledger).unwrap();
+    let second = run(&words);
+    assert_eq!((second.code, second.out, std::fs::read_to_string(&ledger).unwrap()), (0, first.out, kept));
+    let nothing = ["navigate", "--suite", "long", "--km", "0", "--sight", "grid", "--ledger", &ledger];
+    refused(&nothing, 2, &["km is 0, needed: more than 0"]);
+    std::fs::write(&ledger, "[]").unwrap();
+    let spoilt = run(&words);
+    assert!(spoilt.code == 3 && spoilt.err.contains("needed: a ledger of `--suite long`"), "{}", spoilt.err);
+    refused(&["navigate", "--suite", "long", "--rooms", "3"], 2, &["cannot be used with"]);
+    refused(&["navigate", "--rooms", "3", "--km", "2"], 2, &["--suite"]);
+    let absent = folder.join("absent/ledger.json").display().to_string();
+    refused(&["navigate", "--suite", "long", "--ledger", &absent], 2, &["its folder does not exist"]);
+}

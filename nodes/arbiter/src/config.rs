@@ -99,7 +99,7 @@ pub struct Config {
     pub lead_frames: u32,
     /// `[s]` or good for this long.
     pub lead_good_s: f32,
-    /// Path of the file that keeps the emergency stop; empty = in the folder of the run.
+    /// Path of the file that keeps an emergency stop and a hold; empty = in the folder of the run.
     pub latch_file: String,
 }
 

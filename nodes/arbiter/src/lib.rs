@@ -33,3 +33,4 @@ pub use arbiter::Arbiter;
 pub use config::{Config, ConfigError, Lead, Resume};
 pub use node::run;
 pub use operator::Standing;
+pub use standing::carry_orders;

@@ -33,7 +33,7 @@ pub fn run(boot: &Boot) -> Result<(), NodeError> {
     let config = boot.config::<Config>()?.under(boot.lead_winner()?, resume.as_deref());
     let refused = |error: crate::ConfigError| NodeError::Configuration(error.to_string());
     let mut arbiter = Arbiter::new(&config, &boot.robot()?, boot.incarnation).map_err(refused)?;
-    let mut standing = StandingFile::at(&config.latch_file, &boot.domain.root, &boot.domain.prefix);
+    let mut standing = StandingFile::at(&config.latch_file, &boot.domain.root);
     arbiter.take_up(standing.orders());
     let mut link = Link::open(boot)?;
     let mut inputs = Inlets::open(&link, boot)?;

@@ -2,7 +2,7 @@
 
 use crate::candidates::PIECES;
 use crate::config::Weights;
-use crate::planner::{Plan, Planner};
+use crate::planner::{Effort, Plan, Planner};
 use crate::problem::HORIZON_STEPS;
 use crate::refinement::Range;
 use crate::rollout::Group;
@@ -24,10 +24,16 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// A judge with this many candidates for a robot; the only call that allocates.
+    /// A judge with this many candidates for a robot, who searches as long as a live plan.
     #[must_use]
     pub fn new(limits: &Limits, weights: &Weights, candidates: usize) -> Self {
-        let planner = Planner::new(limits, weights, candidates);
+        Self::searching(limits, weights, candidates, Effort::LIVE)
+    }
+
+    /// As [`Judge::new`], with an effort of the caller's choice.
+    #[must_use]
+    pub fn searching(limits: &Limits, weights: &Weights, candidates: usize, effort: Effort) -> Self {
+        let planner = Planner::searching(limits, weights, candidates, effort);
         Self { candidates: planner.groups().to_vec(), planner, limits: *limits }
     }
 

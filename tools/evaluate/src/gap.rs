@@ -6,7 +6,7 @@
 
 use crate::answers::Answered;
 use serde::Serialize;
-use sidestep_expert::{Judge, Mode, Planner, Weights, arc_numbers};
+use sidestep_expert::{Effort, Judge, Mode, Planner, Weights, arc_numbers};
 use sidestep_msgs::{Limits, Twist, clamp_to_window};
 use sidestep_train::{WINDOWS_S, within_window};
 
@@ -154,7 +154,8 @@ fn crossing(points: &[(f64, f64)], value: f64) -> Option<f64> {
 
 /// What emitted commands cost above the solved plan: of the model, of the refined model, of 734 candidates.
 pub(crate) fn regrets(answers: &[Answered], limits: &Limits) -> [Regrets; 3] {
-    let mut judge = Judge::new(limits, &Weights::STANDARD, 734);
+    // As long as the labels were searched for, whose cost is one of those compared.
+    let mut judge = Judge::searching(limits, &Weights::STANDARD, 734, Effort::LABEL);
     let mut planner = Planner::new(limits, &Weights::STANDARD, 734);
     let mut all = [const { Vec::new() }; 3];
     for answer in answers {

@@ -20,7 +20,9 @@ pub enum NavigateError {
     #[error("navigate: the numbers cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),
     /// A ledger that cannot be read or written.
-    #[error("navigate: the ledger {path}: {detail}; name another file, or make this one fit")]
+    #[error(
+        "navigate: {path}: {detail}; needed: a ledger of `--suite long` in a folder that may be written; name another with --ledger"
+    )]
     Ledger {
         /// The file.
         path: String,

@@ -22,7 +22,7 @@ pub use corridor::{
     crowded,
 };
 pub use error::NavigateError;
-pub use ledger::{Account, Contact, Ledger, Tally, rate_at_most};
+pub use ledger::{Account, Contact, Ledger, Tally};
 pub use long::{LongOptions, RECKLESS, behaviour, long};
 pub use page::Navigation;
 pub use pilot::{Conditions, Driven, Ending};

@@ -5,27 +5,30 @@
 
 use crate::error::NavigateError;
 use crate::ledger::{Account, Contact, Tally};
-use crate::pilot::{Conditions, Ending, Pilot, is_standing};
-use crate::room::room;
+use crate::pilot::{Conditions, Ending, Pilot};
+use crate::room::{GRADES, room};
 use sidestep_crew::in_order;
 use sidestep_drive::{Drive, Lead, Sight};
 use sidestep_msgs::{Command, Limits, Reason, Robot, Twist};
 use sidestep_policy::fingerprint;
 use sidestep_train::Random;
 
-/// Rooms of a block.
-const BLOCK: u64 = 6;
+/// Rooms of a block: of every difficulty the same number.
+const BLOCK: u64 = 2 * GRADES.len() as u64;
+/// `[m]` a block shorter than this does not bring its driver on.
+const BLOCK_LEAST_M: f64 = 0.1;
 /// Rooms, and seconds in each, that tell one arbiter from another.
-const PROBES: u64 = 4;
+const PROBES: u64 = 2;
 const PROBE_S: f64 = 20.0;
 /// Seed of those rooms.
 const PROBE_SEED: u64 = 0x4c4f_4e47;
-/// `[s]` how far ahead of a stop the way must have been free for the stop to be a false one.
-const AHEAD_S: f64 = 1.0;
-/// Steps of that way.
-const AHEAD_STEPS: usize = 40;
+/// Steps of the tube that a wish would have needed.
+const TUBE_STEPS: usize = 40;
 /// `[m/s]` a wish slower than this is none to drive on.
 const WISHED_M_S: f32 = 0.1;
+/// `[m/s]` slower than this is standing, however the robot turns; a stop lasts this many ticks of 10 ms.
+const STANDING_M_S: f32 = 0.02;
+const STOOD_TICKS: u32 = 50;
 /// Name of the driver that does not care: full speed, turning at random.
 pub const RECKLESS: &str = "reckless";
 
@@ -48,18 +51,19 @@ pub struct LongOptions<'a> {
     pub threads: usize,
 }
 
-/// Fingerprint of how arbiter and robot behave: every command of a few drives of the expert. Whatever changes what the
-/// arbiter does there opens a new account; a comment does not.
+/// Fingerprint of how arbiter and robot behave with this way of seeing: every command of a few drives of the expert, and
+/// the time limit. Whatever changes what the robot is told there opens a new account; a comment does not.
 ///
 /// # Errors
 /// [`NavigateError`] where a model or a node refuses.
 pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
-    let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: Sight::Grid };
+    let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: options.sight };
     let mut pilot = Pilot::new(options.robot, options.model, options.model_name)?;
     let mut bytes = options.robot.hash().to_le_bytes().to_vec();
+    bytes.extend(options.limit_s.to_le_bytes());
     for number in 0..PROBES {
         let mut setup = pilot.setup(&room(PROBE_SEED, number), conditions);
-        // Without the network, so that a new model goes on with the kilometres of the old one.
+        // Without the network: a new model goes on with the kilometres of the old one.
         setup.policy = None;
         let mut drive = Drive::new(setup)?;
         while drive.outcome().time_s < PROBE_S {
@@ -82,9 +86,10 @@ pub fn long(
     account: &mut Account,
     keep: &mut dyn FnMut(&Account) -> Result<(), NavigateError>,
 ) -> Result<(), NavigateError> {
-    if !(options.distance_m.is_finite() && options.distance_m > 0.0) {
-        let found = format!("{} km", options.distance_m / 1000.0);
-        return Err(NavigateError::Option { option: "km", found, needed: "more than 0" });
+    for (option, value) in [("km", options.distance_m / 1000.0), ("limit", options.limit_s)] {
+        if !(value.is_finite() && value > 0.0) {
+            return Err(NavigateError::Option { option, found: value.to_string(), needed: "more than 0" });
+        }
     }
     let names = || Lead::ALL.map(Lead::label).into_iter().chain([RECKLESS]);
     for name in names() {
@@ -102,7 +107,12 @@ pub fn long(
             &mut |_| (),
         )?;
         let own = account.drivers.entry(driver.to_owned()).or_default();
+        let before_m = own.distance_m;
         tallies.iter().for_each(|tally| own.add(tally));
+        if own.distance_m - before_m < BLOCK_LEAST_M {
+            let found = format!("{driver}, which does not move");
+            return Err(NavigateError::Option { option: "driver", found, needed: "one that gets on" });
+        }
         account.next += BLOCK;
         keep(account)?;
     }
@@ -121,9 +131,11 @@ fn cross(
     let lead = Lead::ALL.into_iter().find(|lead| lead.label() == driver);
     let conditions =
         Conditions { lead: lead.unwrap_or(Lead::Expert), arbitrated: true, sight: options.sight };
-    let mut drive = pilot.begin(&course, conditions)?;
+    let setup = pilot.setup(&course, conditions);
+    let mut refusals = Refusals::new(options.robot, setup.arbiter.hold_s);
+    let mut drive = Drive::new(setup)?;
     let mut whims = lead.is_none().then(|| Whims::new(seed, number));
-    let (mut tally, mut stood) = (Tally { drives: 1, ..Tally::default() }, true);
+    let mut tally = Tally { drives: 1, ..Tally::default() };
     let goals = course.world.legs_m.len() as u32;
     let open = |drive: &Drive| {
         let outcome = drive.outcome();
@@ -134,13 +146,9 @@ fn cross(
             drive.overrule(Some(whims.wish(&options.robot.limits)));
         }
         drive.tick();
-        let stands = is_standing(drive.truth().twist);
-        if stands && !stood && was_stopped(drive.command()) {
-            tally.stops += 1;
-            tally.false_stops += u64::from(is_free_ahead(&drive));
-        }
-        stood = stands;
+        refusals.note(&drive);
     }
+    (tally.stops, tally.false_stops) = (refusals.stops, refusals.false_stops);
     let outcome = drive.outcome();
     (tally.distance_m, tally.time_s) = (outcome.distance_m, outcome.time_s);
     match Ending::of(outcome, goals) {
@@ -161,20 +169,55 @@ fn cross(
     Ok(tally)
 }
 
-/// Whether it was the filter that brought the robot to rest, against a wish to drive on.
-fn was_stopped(command: &Command) -> bool {
-    let by_the_filter =
-        [Reason::Braking, Reason::Emergency].iter().any(|reason| command.reason == *reason as u32);
-    by_the_filter && command.wish.v_m_s > WISHED_M_S
+/// Counts the times that the filter kept the robot standing against a wish to drive on, and of them those for nothing.
+struct Refusals {
+    dead_time_s: f64,
+    brake_m_s2: f64,
+    /// Ticks of standing so.
+    stood: u32,
+    stops: u64,
+    false_stops: u64,
 }
 
-/// Whether the footprint would have met nothing along the wish for a second.
-fn is_free_ahead(drive: &Drive) -> bool {
-    let (mut pose, wish) = (drive.truth().pose, drive.command().wish);
-    (0..AHEAD_STEPS).all(|_| {
-        pose = pose.advance(&wish, AHEAD_S / AHEAD_STEPS as f64);
-        drive.simulator().clearance_at_m(&pose) > 0.0
-    })
+impl Refusals {
+    fn new(robot: &Robot, hold_s: f32) -> Self {
+        Self {
+            dead_time_s: f64::from(robot.actuator.dead_time_max_s + hold_s),
+            brake_m_s2: f64::from(robot.actuator.brake_min_m_s2),
+            stood: 0,
+            stops: 0,
+            false_stops: 0,
+        }
+    }
+
+    fn note(&mut self, drive: &Drive) {
+        let stands = drive.truth().twist.v_m_s.abs() < STANDING_M_S && is_refused(drive.command());
+        self.stood = if stands { self.stood + 1 } else { 0 };
+        if self.stood == STOOD_TICKS {
+            self.stops += 1;
+            self.false_stops += u64::from(self.is_free(drive));
+        }
+    }
+
+    /// Whether the footprint would meet nothing in the tube of the wish: the way until the newest command works, and
+    /// that of the brake.
+    fn is_free(&self, drive: &Drive) -> bool {
+        let (mut pose, wish) = (drive.truth().pose, drive.command().wish);
+        let tube_s = self.dead_time_s + f64::from(wish.v_m_s) / (2.0 * self.brake_m_s2);
+        (0..TUBE_STEPS).all(|_| {
+            pose = pose.advance(&wish, tube_s / TUBE_STEPS as f64);
+            drive.simulator().clearance_at_m(&pose) > 0.0
+        })
+    }
+}
+
+/// Whether the filter answers a wish to drive on with less than that.
+fn is_refused(command: &Command) -> bool {
+    use Reason::{Braking, Emergency, Reversing, Rotating, Slowed};
+    let refuses = [Slowed, Braking, Emergency, Rotating, Reversing]
+        .iter()
+        .any(|reason| command.reason == *reason as u32);
+    refuses && command.wish.v_m_s > WISHED_M_S
 }
 
 /// Full speed ahead, a new turn rate every now and then.
@@ -208,5 +251,51 @@ impl Tally {
         self.stops += other.stops;
         self.false_stops += other.false_stops;
         self.contacts.extend(other.contacts.iter().cloned());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep_drive::Setup;
+    use sidestep_msgs::Pose2;
+    use sidestep_sim::{Solid, World};
+
+    fn loomo() -> Robot {
+        Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml")).unwrap()
+    }
+
+    /// Stops and false ones of five seconds under one wish among solids.
+    fn refused(solids: &[Solid], sight: Sight, wish: Twist) -> (u64, u64) {
+        let mut world = World::empty();
+        world.solids.extend(solids);
+        world.start = Pose2::ORIGIN;
+        world.legs_m = vec![vec![[0.0, 0.0], [9.0, 0.0]]];
+        let mut setup = Setup::led_by(loomo(), world, Lead::Expert);
+        setup.sight = sight;
+        let mut refusals = Refusals::new(&loomo(), setup.arbiter.hold_s);
+        let mut drive = Drive::new(setup).unwrap();
+        drive.overrule(Some(wish));
+        while drive.outcome().time_s < 5.0 {
+            drive.tick();
+            refusals.note(&drive);
+        }
+        assert_eq!(drive.outcome().collisions, 0);
+        (refusals.stops, refusals.false_stops)
+    }
+
+    #[test]
+    fn a_stop_before_a_wall_is_a_true_one_and_a_free_way_has_none() {
+        let wall = Solid::wall([2.5, -3.0], [2.5, 3.0], 0.1, 2.0);
+        let (stops, false_stops) = refused(&[wall], Sight::Grid, Twist::new(0.8, 0.0));
+        assert!(stops > 0 && false_stops == 0, "{stops} {false_stops}");
+        assert_eq!(refused(&[], Sight::Grid, Twist::new(0.8, 0.0)), (0, 0));
+    }
+
+    /// A camera does not see the floor beside the robot: the arbiter refuses to turn onto it, though it is free.
+    #[test]
+    fn a_stop_before_floor_that_is_free_but_unseen_is_a_false_one() {
+        let (stops, false_stops) = refused(&[], Sight::Camera, Twist::new(0.6, 1.2));
+        assert!(stops > 0 && false_stops == stops, "{stops} {false_stops}");
     }
 }

@@ -185,6 +185,6 @@ impl<'a> Pilot<'a> {
     }
 }
 
-pub(crate) fn is_standing(twist: Twist) -> bool {
+fn is_standing(twist: Twist) -> bool {
     twist.v_m_s.abs() < STANDING && twist.w_rad_s.abs() < STANDING
 }

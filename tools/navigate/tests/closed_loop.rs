@@ -188,14 +188,16 @@ fn a_long_suite_goes_on_where_it_stopped_and_touches_nothing_however_it_is_led()
         long(&part, ledger.account("two", "grid", 5), &mut keep).unwrap();
     }
     let again = ledger.account("two", "grid", 5);
-    assert_eq!((kept * 6, &again.drivers), (account.next, &account.drivers));
+    assert_eq!((kept * 8, &again.drivers), (account.next, &account.drivers));
     assert_eq!((account.contacts(), account.drivers.len()), (0, 5), "{account:?}");
     let reckless = &account.drivers[RECKLESS];
     assert!(reckless.drives > 0 && reckless.distance_m > 5.0, "{reckless:?}");
     let led = account.drivers.iter().filter(|(name, _)| *name != RECKLESS);
     assert!(led.clone().all(|(_, tally)| tally.reached + 1 >= tally.drives), "{account:?}");
+    let refused = long(&LongOptions { limit_s: f64::NAN, ..whole }, &mut account.clone(), &mut |_| Ok(()));
+    assert!(refused.unwrap_err().to_string().contains("limit is NaN, needed: more than 0"));
     let refused = long(&LongOptions { distance_m: 0.0, ..whole }, &mut account.clone(), &mut |_| Ok(()));
-    assert!(refused.unwrap_err().to_string().contains("km is 0 km, needed: more than 0"));
+    assert!(refused.unwrap_err().to_string().contains("km is 0, needed: more than 0"));
 }
 
 /// Who drives otherwise opens another account.

@@ -31,7 +31,7 @@ pub use line::{LinePlot, Series};
 pub use map::{Cells, MapPicture, Overlay, Shade};
 pub use page::{Report, ReportError};
 pub use picture::{Picture, data_uri};
-pub use proportion::Proportion;
+pub use proportion::{Proportion, rate_at_most};
 pub use scatter::{Cloud, Scatter};
 pub use strip::{Span, Strip};
 pub use style::Ink;

@@ -72,9 +72,34 @@ fn at_most(count: u64, of: u64, share: f64) -> f64 {
     sum.min(1.0)
 }
 
+/// Largest mean of a Poisson distribution that shows at most `count` with a chance of 5 % or more: the exact one-sided
+/// bound of 95 % (Garwood 1936).
+#[must_use]
+pub fn rate_at_most(count: u64) -> f64 {
+    let chance = |mean: f64| {
+        let mut term = libm::exp(-mean);
+        let mut sum = term;
+        for number in 1..=count {
+            term *= mean / number as f64;
+            sum += term;
+        }
+        sum
+    };
+    let most = 3.0 * count as f64 + 10.0;
+    most * bound(|part| chance(most * part) > 0.05)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Garwood's table: 2.996 for none, 4.744 for one, 9.154 for four.
+    #[test]
+    fn the_bound_is_that_of_the_table() {
+        for (count, bound) in [(0, 2.9957), (1, 4.7439), (4, 9.1535)] {
+            assert!((rate_at_most(count) - bound).abs() < 1e-3, "{count}: {}", rate_at_most(count));
+        }
+    }
 
     /// Compared with the tables of Clopper and Pearson (1934) and R's `binom.test`.
     #[test]

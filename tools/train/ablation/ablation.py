@@ -71,9 +71,16 @@ def loss(out, velocity, label):
     idle = ((target >= edges[1]) & (wish >= edges[1])) | ((target <= edges[0]) & (wish <= edges[0]))
     size = torch.where(idle, torch.zeros_like(wish), wish - target).abs()
     command = torch.where(size < HUBER, 0.5 * size * size / HUBER, size - 0.5 * HUBER).sum(1).mean()
+    return command + DOUBT_WEIGHT * (doubt_pull(out, wish, target, edges) * out[:, 2:]).sum(1).mean()
+
+
+@torch.no_grad()
+def doubt_pull(out, wish, target, edges):
+    """Slope of the doubt's logarithm: a Laplace distribution, one surprise limited, beyond the range only the way back."""
     log = out[:, 2:].clamp(-7.0, 1.5)
-    ratio = (within(wish, edges) - target).abs().detach() * torch.exp(-log)
-    return command + DOUBT_WEIGHT * (log + ratio.clamp(max=11.0)).sum(1).mean()
+    pull = (1.0 - (within(wish, edges) - target).abs() * torch.exp(-log)).clamp(min=-10.0)
+    outside = ((out[:, 2:] > log) & (pull < 0.0)) | ((out[:, 2:] < log) & (pull > 0.0))
+    return torch.where(outside, torch.zeros_like(pull), pull)
 
 
 @torch.no_grad()

@@ -15,7 +15,7 @@ pub(crate) const PLANE: usize = (LOCAL_SIDE + 2) * STRIDE;
 const HALF: usize = WIDTH / 2;
 /// Winners of a round.
 const WINNERS: usize = LOCAL_SIDE * WIDTH;
-/// Lines of a row of what is sent to neighbours: one of zeros, of which the last is read, and the cells.
+/// Lines of a row of what is sent to neighbours: one of zeros, of which first and last are read, and the cells.
 const SENT_LINES: usize = 1 + WIDTH / HALF;
 /// Floats of that row, and of the plane with a row of zeros above and below.
 const SENT_STRIDE: usize = SENT_LINES * HALF;
@@ -27,7 +27,7 @@ const SENT_PLANE: usize = (LOCAL_SIDE + 2) * SENT_STRIDE;
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Line([f32; HALF]);
 
-/// `count` floats on whole lines.
+/// `count` floats on whole lines, and one line of zeros to read beyond the last row.
 fn lines(count: usize) -> Vec<Line> {
     vec![Line([0.0; HALF]); count.div_ceil(HALF) + 1]
 }

@@ -108,7 +108,7 @@ pub(super) struct Model {
     told_ns: Option<u64>,
     frozen: bool,
     pub(super) latched: bool,
-    held: bool,
+    pub(super) held: bool,
     starting: bool,
     awaiting: bool,
     pub(super) token: u64,

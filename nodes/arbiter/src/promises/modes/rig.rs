@@ -65,7 +65,7 @@ pub(super) struct Rig {
     stick_m_s: f32,
     token: u64,
     incarnation: u32,
-    /// The state file of the emergency stop, as the node keeps it.
+    /// The state file, as the node keeps it.
     orders: Standing,
     /// Whether a restart still waits for an operator's word.
     must_ask: bool,
@@ -159,7 +159,8 @@ impl Rig {
         self.incarnation += 1;
         self.stage.arbiter = Arbiter::new(&self.config, &self.stage.robot, self.incarnation).unwrap();
         self.stage.arbiter.take_up(self.orders);
-        self.model = Model::new(&self.config, true, self.orders);
+        let orders = Standing { latched: self.model.latched, held: self.model.held };
+        self.model = Model::new(&self.config, true, orders);
         self.must_ask = self.config.resume == Resume::Operator;
         self.before = None;
     }
@@ -203,6 +204,7 @@ impl Rig {
         let latched = command.latched != 0;
         assert_eq!((latched, command.operator_token), (self.model.latched, self.model.token), "{trail:?}");
         assert_eq!(latched, reason == Reason::EstopLatched, "{trail:?}: {command:?}");
+        assert_eq!((self.orders.latched, self.orders.held), (latched, self.model.held), "{trail:?}");
         if told.latched != 0 && !latched {
             assert_eq!((obeyed, told.twist), (Some(EstopAction::Reset), Twist::STOP), "{trail:?}");
             assert!(self.stage.twist.v_m_s.abs() < 0.03, "{trail:?}: reset while rolling");
