@@ -115,7 +115,7 @@ pub(crate) struct TrainArguments {
 pub(crate) struct EvaluateArguments {
     /// Data sets of other worlds than those of the training.
     data: Vec<PathBuf>,
-    /// Data sets that the model was trained on: for the error in training and of the records left out.
+    /// Data sets that the model was trained on, a flag for each: for the error in training and of the records left out.
     #[arg(long)]
     trained_on: Vec<PathBuf>,
     /// Data sets of worlds of other origin, such as BARN: for the doubt.

@@ -16,15 +16,15 @@ pub(crate) struct LongArguments {
     /// Unseen rooms without end, under every lead and one that drives full speed and turns at random.
     #[arg(long, conflicts_with_all = ["rooms", "full", "figures", "normal", "lead", "arbiter", "html", "json"])]
     suite: Option<SuiteName>,
-    /// `[km]` way of the whole account at which to end; what earlier calls drove counts.
-    #[arg(long, default_value_t = 1.0, requires = "suite")]
-    km: f64,
-    /// File that the suite adds up in, one account for each behaviour of arbiter and robot.
-    #[arg(long, default_value = "ledger.json", requires = "suite")]
-    ledger: PathBuf,
-    /// How the robot sees in it.
-    #[arg(long, default_value = "camera", requires = "suite")]
-    sight: SightName,
+    /// `[km]` way of the whole account at which to end; what earlier calls drove counts. Without it 1.
+    #[arg(long)]
+    km: Option<f64>,
+    /// File that the suite adds up in, one account for each behaviour of arbiter and robot; without it `ledger.json`.
+    #[arg(long)]
+    ledger: Option<PathBuf>,
+    /// How the robot sees in it; without it through its camera.
+    #[arg(long)]
+    sight: Option<SightName>,
 }
 
 /// Suites by name.
@@ -43,8 +43,17 @@ enum SightName {
 }
 
 impl LongArguments {
-    pub(crate) fn is_asked_for(&self) -> bool {
-        self.suite.is_some()
+    /// Whether a long suite is asked for.
+    ///
+    /// # Errors
+    /// Exit code 2 for options of a suite without one. (The parser does not ask for what conflicts with other options.)
+    pub(crate) fn is_asked_for(&self) -> Result<bool, Failure> {
+        let Self { suite, km, ledger, sight } = self;
+        if suite.is_none() && (km.is_some() || ledger.is_some() || sight.is_some()) {
+            let text = "navigate: --km, --ledger and --sight are given, needed: --suite long with them";
+            return Err(Failure::usage(text));
+        }
+        Ok(suite.is_some())
     }
 }
 
@@ -53,8 +62,10 @@ impl LongArguments {
 /// # Errors
 /// Exit code 1 for a contact, 2 for an option, 3 for a file.
 pub(crate) fn long(arguments: &NavigateArguments, long: &LongArguments) -> Result<(), Failure> {
-    crate::output::may_write(&long.ledger)?;
-    let _alone = lock(&long.ledger)?;
+    let path = long.ledger.clone().unwrap_or_else(|| "ledger.json".into());
+    let km = long.km.unwrap_or(1.0);
+    crate::output::may_write(&path)?;
+    let _alone = lock(&path)?;
     let robot = robot_named(&arguments.robot)?.0;
     let (model, model_name) = arguments.model()?;
     let options = LongOptions {
@@ -62,20 +73,20 @@ pub(crate) fn long(arguments: &NavigateArguments, long: &LongArguments) -> Resul
         model: &model,
         model_name: &model_name,
         sight: match long.sight {
-            SightName::Camera => Sight::Camera,
-            SightName::Grid => Sight::Grid,
+            None | Some(SightName::Camera) => Sight::Camera,
+            Some(SightName::Grid) => Sight::Grid,
         },
-        distance_m: 1000.0 * long.km,
+        distance_m: 1000.0 * km,
         limit_s: arguments.limit,
         threads: threads(arguments.threads),
     };
-    let mut ledger = Ledger::read(&long.ledger).map_err(|error| failure(&error))?;
+    let mut ledger = Ledger::read(&path).map_err(|error| failure(&error))?;
     let behaviour = behaviour(&options).map_err(|error| failure(&error))?;
     let mut account = ledger.account(&behaviour, options.sight.label(), arguments.seed).clone();
     let mut keep = |account: &Account| {
-        crate::output::note(format!("{:.2} of {} km", account.distance_m() / 1000.0, long.km));
+        crate::output::note(format!("{:.2} of {} km", account.distance_m() / 1000.0, km));
         ledger.account(&behaviour, options.sight.label(), arguments.seed).clone_from(account);
-        ledger.write(&long.ledger)
+        ledger.write(&path)
     };
     let driven = sidestep_navigate::long(&options, &mut account, &mut keep);
     driven.map_err(|error| failure(&error))?;

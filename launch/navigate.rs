@@ -134,7 +134,7 @@ pub(crate) fn navigate(arguments: &NavigateArguments) -> Result<(), Failure> {
         .into_iter()
         .flatten()
         .try_for_each(|path| crate::output::may_write(path))?;
-    if arguments.long.is_asked_for() {
+    if arguments.long.is_asked_for()? {
         return crate::long::long(arguments, &arguments.long);
     }
     if arguments.rooms + arguments.full == 0 && !arguments.figures && arguments.normal.is_none() {
