@@ -22,6 +22,8 @@ const BESIDE_STEP_M: f32 = 0.05;
 /// `[1]` planning cost below which a point has room enough, and `[1/m]` cost of leaving the path.
 const ROOMY: f32 = 0.1;
 const LEAVING_PER_M: f32 = 0.5;
+/// Prices per 1.0 that count as different; closer ones are told apart by rounding only.
+const PRICES: f32 = 1000.0;
 /// `[m]` half of the piece of path that gives its direction.
 const PIECE_M: f64 = 0.15;
 /// `[m]` this near to its end a path is kept to: there it says where to be.
@@ -65,7 +67,12 @@ impl Ahead<'_> {
             let price = self.sight.cost(x_m, y_m).max(ROOMY) + LEAVING_PER_M * left_m.abs();
             (price, Waypoint { along_m, x_m, y_m })
         });
-        let cheapest = places.min_by(|a, b| a.0.total_cmp(&b.0));
+        // Equally dear on both sides: the side nearer to the robot's own axis, so that a mirrored world is answered mirrored.
+        let worth = |(price, waypoint): &(f32, Waypoint)| (libm::roundf(price * PRICES), waypoint.y_m.abs());
+        let cheapest = places.min_by(|a, b| {
+            let (a, b) = (worth(a), worth(b));
+            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
         cheapest.map_or(Waypoint { along_m, x_m, y_m }, |(_, waypoint)| waypoint)
     }
 
