@@ -125,8 +125,5 @@ fn print(account: &Account) {
             ));
         }
     }
-    let km = account.distance_m() / 1000.0;
-    let bound = sidestep_report::rate_at_most(account.contacts()) / km.max(1e-9);
-    let contacts = account.contacts();
-    crate::output::line(&format!("  all       {km:.2} km, {contacts} contacts, at most {bound:.3} per km"));
+    crate::output::line(&format!("  all       {}", account.line()));
 }

@@ -38,16 +38,16 @@ pub struct Effort {
     /// Rounds of sixteen probes of each start.
     pub rounds: usize,
     /// Starts that are still searched from, at most 32, and the generation of sixteen samples that they go on to.
-    pub rungs: [(usize, usize); 3],
+    pub rungs: &'static [(usize, usize)],
 }
 
 impl Effort {
     /// What a robot has time for.
-    pub const LIVE: Self = Self { candidates: 2000, rounds: 10, rungs: [(10, 12), (3, 60), (3, 60)] };
+    pub const LIVE: Self = Self { candidates: 2000, rounds: 10, rungs: &[(10, 12), (3, 60)] };
 
     /// What a label deserves: three and a half times as long, for a half to a third of the distance to the optimum. What is
     /// left of that distance is noise to whoever learns.
-    pub const LABEL: Self = Self { candidates: 2000, rounds: 10, rungs: [(32, 12), (16, 60), (8, 200)] };
+    pub const LABEL: Self = Self { candidates: 2000, rounds: 10, rungs: &[(32, 12), (16, 60), (8, 200)] };
 }
 
 /// An answer to eq. (6).
@@ -115,8 +115,7 @@ impl Planner {
     pub fn searching(limits: &Limits, weights: &Weights, candidates: usize, effort: Effort) -> Self {
         let candidates = candidates.max(1);
         let made = groups(0..candidates.max(effort.candidates), limits);
-        let most = effort.rungs.iter().fold(0, |most, rung| most.max(rung.1));
-        Self { effort, strategy: Strategy::new(most), ..Self::of(limits, weights, candidates, made) }
+        Self::of(limits, weights, candidates, made, effort)
     }
 
     /// A planner whose plain plans choose from candidates of the endless sequence that the caller names (at least one);
@@ -124,10 +123,10 @@ impl Planner {
     #[must_use]
     pub fn choosing_from(limits: &Limits, weights: &Weights, numbers: &[usize]) -> Self {
         let numbers = if numbers.is_empty() { &[0] } else { numbers };
-        Self::of(limits, weights, numbers.len(), groups(numbers.iter().copied(), limits))
+        Self::of(limits, weights, numbers.len(), groups(numbers.iter().copied(), limits), Effort::LIVE)
     }
 
-    fn of(limits: &Limits, weights: &Weights, candidates: usize, groups: Vec<Group>) -> Self {
+    fn of(limits: &Limits, weights: &Weights, candidates: usize, groups: Vec<Group>, effort: Effort) -> Self {
         Self {
             limits: *limits,
             range: Range::whole(limits),
@@ -136,8 +135,8 @@ impl Planner {
             groups,
             problem: Problem::new(limits, *weights),
             kernel: Kernel::best(),
-            strategy: Strategy::new(Effort::LIVE.rungs[2].1),
-            effort: Effort::LIVE,
+            strategy: Strategy::new(effort.rungs.iter().fold(0, |most, rung| most.max(rung.1))),
+            effort,
         }
     }
 
@@ -256,7 +255,7 @@ impl Planner {
         let candidates = self.candidates.max(effort.candidates).min(self.groups.len() * LANES);
         let best = self.best_of(candidates);
         let mut starts = [best; STARTS_MAX];
-        let wanted = effort.rungs[0].0.clamp(1, STARTS_MAX);
+        let wanted = effort.rungs.first().map_or(1, |rung| rung.0.clamp(1, STARTS_MAX));
         let mut count = 1;
         while let Some(next) = (count < wanted).then(|| self.best_distinct(&starts[..count])).flatten() {
             starts[count] = next;
@@ -267,7 +266,7 @@ impl Planner {
             rounds += improve(self.kernel, &self.problem, &self.limits, &self.range, start, effort.rounds);
         }
         let mut searches = starts.map(|start| Evolution::new(start, &self.limits));
-        for (survivors, generation) in effort.rungs {
+        for &(survivors, generation) in effort.rungs {
             for search in &mut searches[..count.min(survivors)] {
                 rounds += self.evolve(search, generation);
             }

@@ -199,6 +199,22 @@ mod tests {
         assert!((waypoint.y_m - 0.1).abs() < 1e-6, "{waypoint:?}");
     }
 
+    /// A dear strip along the path, its sides equally far: the one nearer to the robot's axis, left or right of it.
+    #[test]
+    fn of_two_sides_that_are_equally_dear_the_nearer_one_is_taken() {
+        for side in [1.0_f32, -1.0] {
+            let mut map = map(|_, _| false);
+            for (index, cell) in map.planning_cost.iter_mut().enumerate() {
+                let (_, y_m) = LOCAL_GRID.centre(index / LOCAL_SIDE, index % LOCAL_SIDE);
+                *cell = if (y_m - 0.45 * side).abs() < 0.02 { 90 } else { 0 };
+            }
+            let y_m = 0.45 * side;
+            let waypoint = chosen(&[(0.0, y_m), (9.0, y_m)], &map).unwrap();
+            let off = waypoint.y_m * side;
+            assert!((0.2..0.44).contains(&off), "{waypoint:?}");
+        }
+    }
+
     #[test]
     fn an_end_in_an_obstacle_is_approached_as_far_as_it_is_free() {
         let end = map(|x, _| x > 1.5);

@@ -111,6 +111,16 @@ impl Account {
         self.drivers.values().map(|tally| tally.distance_m).sum()
     }
 
+    /// One line: all drivers together, with the upper 95 % bound of contacts per kilometre.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let (km, contacts) = (self.distance_m() / 1000.0, self.contacts());
+        format!(
+            "{km:.2} km, {contacts} contacts, at most {:.3} per km",
+            rate_at_most(contacts) / km.max(1e-3)
+        )
+    }
+
     /// Contacts of all drivers.
     #[must_use]
     pub fn contacts(&self) -> u64 {

@@ -5,7 +5,7 @@
 
 use crate::error::NavigateError;
 use crate::ledger::{Account, Contact, Tally};
-use crate::pilot::{Conditions, Ending, Pilot};
+use crate::pilot::{Conditions, Ending, Pilot, STANDING, setup};
 use crate::room::{GRADES, room};
 use sidestep_crew::in_order;
 use sidestep_drive::{Drive, Lead, Sight};
@@ -26,8 +26,7 @@ const PROBE_SEED: u64 = 0x4c4f_4e47;
 const TUBE_STEPS: usize = 40;
 /// `[m/s]` a wish slower than this is none to drive on.
 const WISHED_M_S: f32 = 0.1;
-/// `[m/s]` slower than this is standing, however the robot turns; a stop lasts this many ticks of 10 ms.
-const STANDING_M_S: f32 = 0.02;
+/// A stop lasts this many ticks of 10 ms, however the robot turns.
 const STOOD_TICKS: u32 = 50;
 /// Name of the driver that does not care: full speed, turning at random.
 pub const RECKLESS: &str = "reckless";
@@ -58,14 +57,10 @@ pub struct LongOptions<'a> {
 /// [`NavigateError`] where a model or a node refuses.
 pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
     let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: options.sight };
-    let mut pilot = Pilot::new(options.robot, options.model, options.model_name)?;
     let mut bytes = options.robot.hash().to_le_bytes().to_vec();
     bytes.extend(options.limit_s.to_le_bytes());
     for number in 0..PROBES {
-        let mut setup = pilot.setup(&room(PROBE_SEED, number), conditions);
-        // Without the network: a new model goes on with the kilometres of the old one.
-        setup.policy = None;
-        let mut drive = Drive::new(setup)?;
+        let mut drive = Drive::new(setup(options.robot, &room(PROBE_SEED, number), conditions))?;
         while drive.outcome().time_s < PROBE_S {
             drive.tick();
             let Command { twist, reason, .. } = drive.command();
@@ -131,9 +126,8 @@ fn cross(
     let lead = Lead::ALL.into_iter().find(|lead| lead.label() == driver);
     let conditions =
         Conditions { lead: lead.unwrap_or(Lead::Expert), arbitrated: true, sight: options.sight };
-    let setup = pilot.setup(&course, conditions);
-    let mut refusals = Refusals::new(options.robot, setup.arbiter.hold_s);
-    let mut drive = Drive::new(setup)?;
+    let mut refusals = Refusals::new(options.robot);
+    let mut drive = pilot.begin(&course, conditions)?;
     let mut whims = lead.is_none().then(|| Whims::new(seed, number));
     let mut tally = Tally { drives: 1, ..Tally::default() };
     let goals = course.world.legs_m.len() as u32;
@@ -180,7 +174,8 @@ struct Refusals {
 }
 
 impl Refusals {
-    fn new(robot: &Robot, hold_s: f32) -> Self {
+    fn new(robot: &Robot) -> Self {
+        let hold_s = sidestep_arbiter::Config::STANDARD.hold_s;
         Self {
             dead_time_s: f64::from(robot.actuator.dead_time_max_s + hold_s),
             brake_m_s2: f64::from(robot.actuator.brake_min_m_s2),
@@ -191,7 +186,7 @@ impl Refusals {
     }
 
     fn note(&mut self, drive: &Drive) {
-        let stands = drive.truth().twist.v_m_s.abs() < STANDING_M_S && is_refused(drive.command());
+        let stands = drive.truth().twist.v_m_s.abs() < STANDING && is_refused(drive.command());
         self.stood = if stands { self.stood + 1 } else { 0 };
         if self.stood == STOOD_TICKS {
             self.stops += 1;
@@ -273,7 +268,7 @@ mod tests {
         world.legs_m = vec![vec![[0.0, 0.0], [9.0, 0.0]]];
         let mut setup = Setup::led_by(loomo(), world, Lead::Expert);
         setup.sight = sight;
-        let mut refusals = Refusals::new(&loomo(), setup.arbiter.hold_s);
+        let mut refusals = Refusals::new(&loomo());
         let mut drive = Drive::new(setup).unwrap();
         drive.overrule(Some(wish));
         while drive.outcome().time_s < 5.0 {

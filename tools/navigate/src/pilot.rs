@@ -11,7 +11,7 @@ use sidestep_policy::Policy;
 /// Ticks of 10 ms between two judgements of the command: 0.5 s.
 const JUDGED_TICKS: u64 = 50;
 /// `[m/s]` and [rad/s] slower than this is standing.
-const STANDING: f32 = 0.02;
+pub(crate) const STANDING: f32 = 0.02;
 /// Columns and rows of the rendered depth: half the camera's, which the mapper sees the floor with as well.
 pub(crate) const PIXELS: (u32, u32) = (320, 240);
 
@@ -89,6 +89,16 @@ impl Driven {
     }
 }
 
+/// What a drive is made of, without a network.
+pub(crate) fn setup(robot: &Robot, course: &Course, conditions: Conditions) -> Setup {
+    let mut setup = Setup::led_by(robot.clone(), course.world.clone(), conditions.lead);
+    (setup.sim.width_px, setup.sim.height_px) = PIXELS;
+    setup.sim.seed = course.seed;
+    setup.sight = conditions.sight;
+    setup.arbitrated = conditions.arbitrated;
+    setup
+}
+
 /// What a thread keeps between drives, since a model takes longer to load than a room to cross.
 pub(crate) struct Pilot<'a> {
     pub(crate) robot: &'a Robot,
@@ -108,21 +118,12 @@ impl<'a> Pilot<'a> {
 
     /// A drive that has not begun; [`Self::take_back`] ends it.
     pub(crate) fn begin(&mut self, course: &Course, conditions: Conditions) -> Result<Drive, NavigateError> {
-        Ok(Drive::new(self.setup(course, conditions))?)
-    }
-
-    /// What such a drive is made of.
-    pub(crate) fn setup(&mut self, course: &Course, conditions: Conditions) -> Setup {
-        let mut setup = Setup::led_by(self.robot.clone(), course.world.clone(), conditions.lead);
-        (setup.sim.width_px, setup.sim.height_px) = PIXELS;
-        setup.sim.seed = course.seed;
-        setup.sight = conditions.sight;
-        setup.arbitrated = conditions.arbitrated;
+        let mut setup = setup(self.robot, course, conditions);
         // In a graph the network always runs, and drives where the expert cannot; without an arbiter nobody asks it.
         if conditions.arbitrated || conditions.lead.needs_policy() {
             setup.policy = self.policy.take();
         }
-        setup
+        Ok(Drive::new(setup)?)
     }
 
     pub(crate) fn take_back(&mut self, drive: Drive) {

@@ -10,7 +10,7 @@ use sidestep_crew::in_order;
 use sidestep_msgs::Robot;
 use std::path::PathBuf;
 
-/// Records that one thread makes at once of artificial maps.
+/// Records of a part of artificial maps.
 const SHARE: usize = 64;
 /// Parts that are made before they are written, per thread: so many may wait for a slower one.
 const AHEAD: usize = 8;
@@ -56,12 +56,15 @@ pub fn dataset(options: &DatasetOptions, progress: &mut dyn FnMut(&str)) -> Resu
     while made < options.samples {
         let hire = || Ok(Labeller::new(&options.robot));
         let job = |labeller: &mut Labeller, index: usize| make(options, number + index as u64, labeller);
-        for part in in_order(threads * AHEAD, threads, hire, job, &mut |_| ())? {
+        // A drive gives more than a share as a rule: few parts where few records are wanted, all the same ones.
+        let left = (options.samples - made).div_ceil(SHARE as u64);
+        let parts = left.min((threads * AHEAD) as u64);
+        for part in in_order(parts as usize, threads, hire, job, &mut |_| ())? {
             let count = part.len().min((options.samples - made) as usize);
             writer.append(&part[..count])?;
             made += count as u64;
         }
-        number += (threads * AHEAD) as u64;
+        number += parts;
         progress(&format!("dataset: {made} of {} records", options.samples));
     }
     writer.finish()
