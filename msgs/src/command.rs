@@ -43,6 +43,8 @@ codes! {
         Teleop = 6 "teleop",
         /// Only straight on is safe, not the turn of the wish.
         Straight = 7 "only straight on is safe",
+        /// Slowed or stopped for what moves, or may come out of where nobody looks; `limiting_cell` could be reached by then.
+        Yielding = 8 "yielding to what may move",
         /// At the goal.
         Arrived = 10 "arrived",
         /// No path and no target, or the goal node says stop.

@@ -18,6 +18,8 @@ pub const FREE_BELOW: f32 = 0.45;
 pub const AGE_NEVER: u8 = 255;
 /// Age code: seen longer ago than 25.3 s.
 pub const AGE_OLDER: u8 = 254;
+/// Stillness code: something has been standing here for longer than 25.3 s, or nothing is here.
+pub const STILL: u8 = 254;
 
 /// The geometry of a map: square cells in `base`, row 0 farthest ahead, column 0 farthest left.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,8 +120,9 @@ record! {
     /// The map that decides whether a motion is safe: conservative, finer, all round the robot.
     ///
     /// Frame: `base` at `capture_ns`; geometry [`SAFETY_GRID`]. Writer: `mapper`. Reader: `arbiter`, nothing else.
-    /// Occupancy is the maximum and age the oldest of all odom cells overlapped; a cell is free only if all are.
-    pub struct SafetyMap("sidestep/SafetyMap/1") {
+    /// Occupancy is the maximum, age the oldest and stillness the shortest of all odom cells overlapped; a cell is free
+    /// only if all are.
+    pub struct SafetyMap("sidestep/SafetyMap/2") {
         /// `[ns]` graph time at which the camera saw this.
         pub capture_ns: u64,
         /// Pose of `base` in `odom` used for this map.
@@ -132,10 +135,13 @@ record! {
         pub occupancy: [u8; SAFETY_CELLS],
         /// `[0.1 s]` `[0, 253]` time since the cell was seen; 254 older, 255 never.
         pub age: [u8; SAFETY_CELLS],
+        /// `[0.1 s]` `[0, 253]` time for which something has been standing here, as far as was seen; 254 longer, or
+        /// nothing is here.
+        pub still: [u8; SAFETY_CELLS],
     }
 }
 
-const _: () = assert!(size_of::<SafetyMap>() == 40 + 2 * SAFETY_CELLS);
+const _: () = assert!(size_of::<SafetyMap>() == 40 + 3 * SAFETY_CELLS);
 
 #[cfg(test)]
 mod tests {

@@ -284,6 +284,14 @@ impl Robot {
                 });
             }
         }
+        if !(0.0..=3.0).contains(&self.start.mover_m_s) {
+            return Err(RobotError::Range {
+                path: path.into(),
+                key: "start.mover_m_s",
+                found: self.start.mover_m_s,
+                needed: "0 (a static world) to 3 m/s",
+            });
+        }
         if !(a.dead_time_min_s >= 0.0 && a.dead_time_min_s <= a.dead_time_max_s && a.dead_time_max_s <= 0.5) {
             let needed = "dead_time_min_s <= dead_time_max_s <= 0.5 s";
             return Err(RobotError::Range {

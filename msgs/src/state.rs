@@ -3,7 +3,7 @@
 use crate::layout::{ZeroCopySend, record};
 
 /// Room for the mapper's state.
-pub const MAPPER_STATE_BYTES: usize = 640 * 1024;
+pub const MAPPER_STATE_BYTES: usize = 800 * 1024;
 /// Room for the goal's state.
 pub const GOAL_STATE_BYTES: usize = 32 * 1024;
 /// Room for the arbiter's state.

@@ -76,6 +76,8 @@ pub(crate) struct Grid {
     pub(crate) drift_m: Vec<f32>,
     /// Height bands in which an obstacle was seen since the cell was last free, and [`OVERHANG`].
     pub(crate) bands: Vec<u8>,
+    /// `[10 ms]` when what stands here was first seen, since the cell was last free; 0 = never anything.
+    pub(crate) changed_tick: Vec<u32>,
     /// `[10 ms]` when an ultrasonic sensor last marked the cell; 0 = not marked.
     pub(crate) sonar_tick: Vec<u32>,
     /// Decay and saturation.
@@ -95,6 +97,7 @@ impl Grid {
             seen_tick: vec![0; CELLS],
             drift_m: vec![0.0; CELLS],
             bands: vec![0; CELLS],
+            changed_tick: vec![0; CELLS],
             sonar_tick: vec![0; CELLS],
             trust: Trust::new(config),
         }
@@ -106,6 +109,7 @@ impl Grid {
         self.seen_tick.fill(0);
         self.drift_m.fill(0.0);
         self.bands.fill(0);
+        self.changed_tick.fill(0);
         self.sonar_tick.fill(0);
     }
 
@@ -161,6 +165,7 @@ impl Grid {
         self.seen_tick[index] = 0;
         self.drift_m[index] = 0.0;
         self.bands[index] = 0;
+        self.changed_tick[index] = 0;
         self.sonar_tick[index] = 0;
     }
 
@@ -182,6 +187,9 @@ impl Grid {
     pub(crate) fn add(&mut self, index: usize, delta: f32, bands: u8, now: &Moment) {
         let left = self.log_odds_now(index, now);
         let log_odds = (left.unwrap_or(0.0) + delta).clamp(self.trust.least, self.trust.most);
+        if log_odds >= 0.0 && left.is_none_or(|left| left < 0.0) {
+            self.changed_tick[index] = now.tick;
+        }
         let held = if left.is_some() { self.bands[index] } else { 0 };
         self.bands[index] = if log_odds < 0.0 { 0 } else { held | bands };
         self.log_odds[index] = log_odds;

@@ -231,7 +231,7 @@ impl Mapper {
         map.pose = self.memory.pose;
         map.pose_epoch = self.memory.pose_epoch;
         map.refused = self.memory.refused;
-        self.view.safety(&mut map.occupancy, &mut map.age);
+        self.view.safety(&mut map.occupancy, &mut map.age, &mut map.still);
     }
 }
 

@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use sidestep_msgs::MAPPER_STATE_BYTES;
 
 /// Version of the layout below.
-const VERSION: u64 = 0x6d61_7070_6572_0001;
+const VERSION: u64 = 0x6d61_7070_6572_0002;
 
 /// Everything but the cells.
 #[derive(Debug, Clone, Copy, Zeroable, Pod)]
@@ -20,7 +20,7 @@ struct Head {
 }
 
 const HEAD: usize = size_of::<Head>();
-const SIZE: usize = HEAD + CELLS * (4 + 4 + 4 + 1 + 4);
+const SIZE: usize = HEAD + CELLS * (4 + 4 + 4 + 1 + 4 + 4);
 const _: () = assert!(SIZE <= MAPPER_STATE_BYTES);
 
 impl Mapper {
@@ -30,12 +30,13 @@ impl Mapper {
         let head =
             Head { version: VERSION, origin: self.grid.origin(), memory: self.memory, history: self.history };
         let grid = &self.grid;
-        let parts: [&[u8]; 6] = [
+        let parts: [&[u8]; 7] = [
             bytes_of(&head),
             cast_slice(&grid.log_odds),
             cast_slice(&grid.seen_tick),
             cast_slice(&grid.drift_m),
             &grid.bands,
+            cast_slice(&grid.changed_tick),
             cast_slice(&grid.sonar_tick),
         ];
         let mut rest = out;
@@ -57,7 +58,8 @@ impl Mapper {
         let (log_odds, rest) = cells.split_at(4 * CELLS);
         let (seen_tick, rest) = rest.split_at(4 * CELLS);
         let (drift_m, rest) = rest.split_at(4 * CELLS);
-        let (bands, sonar_tick) = rest.split_at(CELLS);
+        let (bands, rest) = rest.split_at(CELLS);
+        let (changed_tick, sonar_tick) = rest.split_at(4 * CELLS);
         let within = |cell: &[u8]| f32::from_ne_bytes([cell[0], cell[1], cell[2], cell[3]]).abs() < 1e6;
         let finite = log_odds.chunks_exact(4).chain(drift_m.chunks_exact(4)).all(within);
         let placed = head.origin.iter().all(|part| part.abs_diff(0) < 1 << 28);
@@ -71,6 +73,7 @@ impl Mapper {
         bytemuck::cast_slice_mut(&mut grid.seen_tick).copy_from_slice(seen_tick);
         bytemuck::cast_slice_mut(&mut grid.drift_m).copy_from_slice(drift_m);
         grid.bands.copy_from_slice(bands);
+        bytemuck::cast_slice_mut(&mut grid.changed_tick).copy_from_slice(changed_tick);
         bytemuck::cast_slice_mut(&mut grid.sonar_tick).copy_from_slice(sonar_tick);
         grid.place(head.origin);
         self.memory = head.memory;

@@ -1,11 +1,13 @@
-//! What the grid looks like from the robot: occupancy and age as bytes round it, and the two maps sampled from them.
+//! What the grid looks like from the robot: occupancy, age and stillness as bytes round it, and the two maps sampled
+//! from them.
 //!
 //! The bytes are made once per step, in axes of `odom`; both maps then turn them into `base`. The safety map takes the
-//! largest occupancy and the oldest age of every grid cell that a cell of the map overlaps, never less.
+//! largest occupancy, the oldest age and the shortest stillness of every grid cell that a cell of the map overlaps.
 
 use crate::grid::{CELL_M, Grid, Moment, SIDE};
 use sidestep_msgs::{
     AGE_NEVER, AGE_OLDER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Pose2, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
+    STILL,
 };
 
 /// Cells along a side of the view: 6.4 m, which holds both maps at any heading.
@@ -28,9 +30,11 @@ const SAMPLES: usize = 4;
 /// `[cells]` added to the half-extent of a safety cell for the rounding of `f32`.
 const SLACK: f32 = 1e-3;
 
-/// Occupancy and age of one cell; never seen is (0, [`AGE_NEVER`]), which loses every comparison for the largest.
-type Pair = [u8; 2];
-const NEVER: Pair = [0, AGE_NEVER];
+/// Occupancy, age and what is missing to [`STILL`] of one cell, and a zero that makes it a word. The largest of each is
+/// what a cautious reader wants.
+type Look = [u8; 4];
+const LOOK: usize = size_of::<Look>();
+const NEVER: Look = [0, AGE_NEVER, 0, 0];
 
 /// The bytes round the robot.
 #[derive(Debug)]
@@ -38,9 +42,9 @@ pub(crate) struct View {
     /// Place of the robot in the view, in cells, and its heading.
     at: [f32; 2],
     heading: [f32; 2],
-    cells: Box<[Pair; CELLS]>,
+    cells: Box<[Look; CELLS]>,
     /// Largest of a cell and its three neighbours above, right and both.
-    pooled: Box<[Pair; CELLS]>,
+    pooled: Box<[Look; CELLS]>,
     probability: [u8; 256],
 }
 
@@ -81,37 +85,37 @@ impl View {
     fn pool(&mut self) {
         for y in 0..VIEW - 1 {
             let rows = &self.cells[y * VIEW..][..2 * VIEW];
-            let (below, above) = rows.as_flattened().split_at(2 * VIEW);
+            let (below, above) = rows.as_flattened().split_at(LOOK * VIEW);
             let out = self.pooled[y * VIEW..][..VIEW].as_flattened_mut();
-            let last = out.len() - 2;
+            let last = out.len() - LOOK;
             for (k, out) in out[..last].iter_mut().enumerate() {
-                *out = below[k].max(below[k + 2]).max(above[k]).max(above[k + 2]);
+                *out = below[k].max(below[k + LOOK]).max(above[k]).max(above[k + LOOK]);
             }
         }
     }
 
-    /// Fills `pairs` with the cells under points of `base`: the first at `(x_m, y_m)`, each next one `step_m` to the
+    /// Fills `looks` with the cells under points of `base`: the first at `(x_m, y_m)`, each next one `step_m` to the
     /// right, all of them moved by `shift` cells of the view.
     #[inline(always)]
     fn sample(
         &self,
-        cells: &[Pair; CELLS],
+        cells: &[Look; CELLS],
         x_m: f32,
         y_m: f32,
         step_m: f32,
         shift: [f32; 2],
-        pairs: &mut [Pair],
+        looks: &mut [Look],
     ) {
         let [cos, sin] = self.heading.map(|part| part / CELL_M as f32);
         // Half a cell less, since the conversion to integers rounds to the nearest.
         let x0 = self.at[0] + cos * x_m - sin * y_m + shift[0] - 0.5;
         let y0 = self.at[1] + sin * x_m + cos * y_m + shift[1] - 0.5;
         let (dx, dy) = (sin * step_m, -cos * step_m);
-        for (count, pair) in pairs.iter_mut().enumerate() {
+        for (count, look) in looks.iter_mut().enumerate() {
             let count = count as f32;
             let x = (x0 + count * dx + MAGIC).to_bits() as usize % VIEW;
             let y = (y0 + count * dy + MAGIC).to_bits() as usize % VIEW;
-            *pair = cells[y * VIEW + x];
+            *look = cells[y * VIEW + x];
         }
     }
 
@@ -121,7 +125,7 @@ impl View {
     pub(crate) fn local(&self, occupancy: &mut [u8; LOCAL_CELLS], age: &mut [u8; LOCAL_CELLS]) {
         let part = LOCAL_GRID.cell_m / SAMPLES as f32;
         let offset = |k: usize| (k as f32 - 0.5 * (SAMPLES - 1) as f32) * part;
-        let mut pairs = [NEVER; LOCAL_SIDE];
+        let mut looks = [NEVER; LOCAL_SIDE];
         let rows = occupancy.chunks_exact_mut(LOCAL_SIDE).zip(age.chunks_exact_mut(LOCAL_SIDE)).enumerate();
         for (row, (occupancy, age)) in rows {
             let (x_m, y_m) = LOCAL_GRID.centre(row, 0);
@@ -130,8 +134,8 @@ impl View {
             age.fill(AGE_NEVER);
             for sample in 0..SAMPLES * SAMPLES {
                 let (x_m, y_m) = (x_m + offset(sample / SAMPLES), y_m + offset(sample % SAMPLES));
-                self.sample(&self.cells, x_m, y_m, LOCAL_GRID.cell_m, [0.0; 2], &mut pairs);
-                for (col, [occupied, seen]) in pairs.iter().enumerate() {
+                self.sample(&self.cells, x_m, y_m, LOCAL_GRID.cell_m, [0.0; 2], &mut looks);
+                for (col, [occupied, seen, ..]) in looks.iter().enumerate() {
                     let free = if *occupied < UNKNOWN { *occupied } else { 0 };
                     occupancy[col] = occupancy[col].max(free);
                     age[col] = age[col].min(*seen);
@@ -150,7 +154,7 @@ impl View {
     fn place_obstacles(&self, occupancy: &mut [u8; LOCAL_CELLS], age: &mut [u8; LOCAL_CELLS]) {
         let [cos, sin] = self.heading.map(|part| part * CELL_M as f32);
         for (y, row) in self.cells.chunks_exact(VIEW).enumerate() {
-            for (x, [occupied, seen]) in row.iter().enumerate() {
+            for (x, [occupied, seen, ..]) in row.iter().enumerate() {
                 if *occupied < UNKNOWN {
                     continue;
                 }
@@ -163,50 +167,58 @@ impl View {
         }
     }
 
-    /// Occupancy and age of the safety map.
-    pub(crate) fn safety(&self, occupancy: &mut [u8; SAFETY_CELLS], age: &mut [u8; SAFETY_CELLS]) {
+    /// Occupancy, age and stillness of the safety map.
+    pub(crate) fn safety(
+        &self,
+        occupancy: &mut [u8; SAFETY_CELLS],
+        age: &mut [u8; SAFETY_CELLS],
+        still: &mut [u8; SAFETY_CELLS],
+    ) {
         let half = 0.5 * SAFETY_GRID.cell_m / CELL_M as f32;
-        // The box round a turned cell reaches over two or three grid cells each way: two pooled pairs hold them all.
+        // The box round a turned cell reaches over two or three grid cells each way: two pooled looks hold them all.
         let extent = half * (self.heading[0].abs() + self.heading[1].abs()) + SLACK;
         let (low, high) = (-extent, extent - 1.0);
-        let mut pairs = [NEVER; SAFETY_SIDE];
-        let rows = occupancy.chunks_exact_mut(SAFETY_SIDE).zip(age.chunks_exact_mut(SAFETY_SIDE)).enumerate();
-        for (row, (occupancy, age)) in rows {
+        let mut looks = [NEVER; SAFETY_SIDE];
+        let rows = occupancy.chunks_exact_mut(SAFETY_SIDE).zip(age.chunks_exact_mut(SAFETY_SIDE));
+        let rows = rows.zip(still.chunks_exact_mut(SAFETY_SIDE)).enumerate();
+        for (row, ((occupancy, age), still)) in rows {
             let (x_m, y_m) = SAFETY_GRID.centre(row, 0);
-            occupancy.fill(0);
-            age.fill(0);
+            let mut most = [[0; LOOK]; SAFETY_SIDE];
             for corner in [[low, low], [high, low], [low, high], [high, high]] {
-                self.sample(&self.pooled, x_m, y_m, SAFETY_GRID.cell_m, corner, &mut pairs);
-                for (col, [occupied, seen]) in pairs.iter().enumerate() {
-                    occupancy[col] = occupancy[col].max(*occupied);
-                    age[col] = age[col].max(*seen);
-                }
+                self.sample(&self.pooled, x_m, y_m, SAFETY_GRID.cell_m, corner, &mut looks);
+                let sides = most.as_flattened_mut().iter_mut().zip(looks.as_flattened());
+                sides.for_each(|(most, look)| *most = (*most).max(*look));
             }
-            for (occupancy, age) in occupancy.iter_mut().zip(age) {
-                *occupancy = if *age == AGE_NEVER { UNKNOWN.max(*occupancy) } else { *occupancy };
+            for (col, [occupied, oldest, fresh, _]) in most.into_iter().enumerate() {
+                occupancy[col] = if oldest == AGE_NEVER { UNKNOWN.max(occupied) } else { occupied };
+                age[col] = oldest;
+                still[col] = STILL - fresh;
             }
         }
     }
 }
 
 /// Makes the bytes of a run of grid cells.
-fn convert(grid: &Grid, start: usize, out: &mut [Pair], now: &Moment, sonar_ticks: u32, table: &[u8; 256]) {
+fn convert(grid: &Grid, start: usize, out: &mut [Look], now: &Moment, sonar_ticks: u32, table: &[u8; 256]) {
     let run = start..start + out.len();
     let memory = grid.log_odds[run.clone()].iter().zip(&grid.seen_tick[run.clone()]);
-    let memory = memory.zip(&grid.drift_m[run.clone()]).zip(&grid.sonar_tick[run]);
-    for (out, (((&log_odds, &seen), &drift_m), &sonar)) in out.iter_mut().zip(memory) {
+    let memory = memory.zip(&grid.drift_m[run.clone()]).zip(&grid.sonar_tick[run.clone()]);
+    let memory = memory.zip(&grid.changed_tick[run]);
+    for (out, ((((&log_odds, &seen), &drift_m), &sonar), &changed)) in out.iter_mut().zip(memory) {
         let ticks = now.tick.saturating_sub(seen);
         let left = grid.trust.left(log_odds, ticks as f32, now.drift_m - drift_m);
         let step = (log_odds * left * STEPS + 128.5).clamp(0.0, 255.0) as u8;
         let tenths = (ticks / 10).min(u32::from(AGE_OLDER)) as u8;
         let known = seen != 0 && left > 0.0;
-        let mut pair = if known { [table[usize::from(step)], tenths] } else { NEVER };
+        let stood = (now.tick.saturating_sub(changed) / 10).min(u32::from(STILL)) as u8;
+        let fresh = if log_odds >= 0.0 { STILL - stood } else { 0 };
+        let mut look = if known { [table[usize::from(step)], tenths, fresh, 0] } else { NEVER };
         let sonar_age = now.tick.saturating_sub(sonar);
         if sonar != 0 && sonar_age <= sonar_ticks {
             let age = (sonar_age / 10).min(u32::from(AGE_OLDER)) as u8;
-            pair = [pair[0].max(SONAR), pair[1].min(age)];
+            (look[0], look[1]) = (look[0].max(SONAR), look[1].min(age));
         }
-        *out = pair;
+        *out = look;
     }
 }
 
@@ -245,8 +257,8 @@ mod tests {
             let now = Moment { tick: 400, drift_m: 0.01 };
             let mut view = View::new();
             view.refresh(&grid, &pose, &now, 0);
-            let (mut occupancy, mut age) = ([0; SAFETY_CELLS], [0; SAFETY_CELLS]);
-            view.safety(&mut occupancy, &mut age);
+            let [mut occupancy, mut age, mut still] = [[0; SAFETY_CELLS]; 3];
+            view.safety(&mut occupancy, &mut age, &mut still);
             for index in (0..SAFETY_CELLS).step_by(7) {
                 let (bx, by) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
                 let (ox_m, oy_m) = pose.transform(bx.into(), by.into());
@@ -256,7 +268,8 @@ mod tests {
                     let (x, y) = (at[0] as i32 + dx, at[1] as i32 + dy);
                     if overlaps(x.into(), y.into(), at, yaw_rad) {
                         let cell = view.cells[(y as usize - FIRST) * VIEW + x as usize - FIRST];
-                        prop_assert!(occupancy[index] >= cell[0] && age[index] >= cell[1], "cell {index}");
+                        let cautious = [occupancy[index], age[index], STILL - still[index]];
+                        prop_assert!((0..3).all(|part| cautious[part] >= cell[part]), "cell {index}");
                     }
                 }
             }
@@ -275,8 +288,8 @@ mod tests {
         grid.add(grid.index(x as usize, y as usize), 9.0, 1, &now);
         let mut view = View::new();
         view.refresh(&grid, &pose, &now, 0);
-        let (mut occupancy, mut age) = ([0; SAFETY_CELLS], [0; SAFETY_CELLS]);
-        view.safety(&mut occupancy, &mut age);
+        let [mut occupancy, mut age, mut still] = [[0; SAFETY_CELLS]; 3];
+        view.safety(&mut occupancy, &mut age, &mut still);
         let shown = occupancy.iter().filter(|&&occupancy| occupancy > 128).count();
         assert!((1..=9).contains(&shown), "{shown}");
         let centre = SAFETY_GRID.index(1.02, -0.02).unwrap_or(0);

@@ -8,7 +8,7 @@ use scene::{Scene, View, frame, loomo};
 use sidestep_mapper::{CLEAR_BELOW, Config, Mapper};
 use sidestep_msgs::{
     AGE_NEVER, AGE_OLDER, DepthFrame, LocalMap, MAPPER_STATE_BYTES, Odometry, Pose2, Range, Ranges,
-    SAFETY_GRID, SafetyMap, Status,
+    SAFETY_GRID, STILL, SafetyMap, Status,
 };
 
 const PERIOD_NS: u64 = 33_333_333;
@@ -93,6 +93,24 @@ fn a_ray_under_a_stored_table_top_never_clears_it() {
             );
         }
     }
+}
+
+/// A person comes, stands, goes and comes back before a wall that was always there.
+#[test]
+fn what_has_just_come_is_told_from_what_has_stood() {
+    let wall = Scene::default().stand([3.0, 3.2], [-3.0, 3.0], 2.0);
+    let person = wall.clone().stand([1.75, 1.98], [-0.15, 0.15], 1.7);
+    let (mut mapper, view) = (mapper(true), View::level(Pose2::ORIGIN));
+    let mut see = |scene: &Scene, frames: std::ops::RangeInclusive<u64>| {
+        frames.for_each(|count| assert_eq!(look(&mut mapper, scene, &view, count), Status::Ok));
+        let map = safety(&mapper);
+        map.still[SAFETY_GRID.index(1.78, 0.0).unwrap()]
+    };
+    assert_eq!(see(&wall, 1..=60), STILL, "nothing stands there");
+    assert!(see(&person, 61..=66) <= 2, "just come");
+    assert!((11..=16).contains(&see(&person, 67..=105)), "stands for 1.5 s");
+    assert_eq!(see(&wall, 106..=130), STILL, "gone");
+    assert!(see(&person, 131..=136) <= 2, "just come back");
 }
 
 /// A person-high obstacle goes away: the floor and the rays to the wall behind clear its cells within 20 frames.

@@ -1,7 +1,7 @@
 //! How the robot sees: through its camera and the mapper, or the world itself drawn into both maps.
 
 use sidestep_mapper::{Widening, planning_cost};
-use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, SafetyMap};
+use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, STILL, SafetyMap};
 use sidestep_sim::{Solid, draw, seen_from};
 
 /// How the robot sees.
@@ -50,6 +50,7 @@ impl Surroundings<'_> {
         local.age.fill(0);
         safety.occupancy.fill(0);
         safety.age.fill(0);
+        safety.still.fill(STILL);
         for solid in self.solids {
             let solid = seen_from(solid, &self.pose);
             draw(&solid, &LOCAL_GRID, &mut local.occupancy);
