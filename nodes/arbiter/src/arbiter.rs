@@ -13,7 +13,7 @@ use crate::tube::Tube;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{
     Command, Estop, EstopAction, Header, LocalGoal, NearField, Odometry, Proposal, Ranges, Reason, Robot,
-    SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner, probability_code,
+    SafetyMap, Status, Teleop, Twist, VALID_FOR_NS, Winner,
 };
 
 /// `[s]` a tick later than this does not allow a larger change of the command.
@@ -59,8 +59,6 @@ pub struct Arbiter {
     pub(crate) limiter: Limiter,
     pub(crate) tube: Tube,
     pub(crate) space: FreeSpace,
-    pub(crate) free_code: u8,
-    pub(crate) old_code: u8,
     pub(crate) memory: Memory,
 }
 
@@ -105,9 +103,7 @@ impl Arbiter {
             limiter: Limiter::new(&robot.limits),
             tube: Tube::new(config, robot, &outline),
             outline,
-            space: FreeSpace::new(),
-            free_code: probability_code(config.free_below),
-            old_code: (config.back_up_age_s * 10.0) as u8,
+            space: FreeSpace::new(config, robot),
             memory,
         })
     }
@@ -134,7 +130,7 @@ impl Arbiter {
     /// Takes a safety map; one that the mapper refused only counts as a sign of why the last good one ages.
     pub fn safety_map(&mut self, map: &SafetyMap, header: &Header) {
         if self.memory.inputs.take_map(map, header) {
-            self.space.take(map, self.free_code, self.old_code);
+            self.space.take(map);
         }
     }
 

@@ -3,8 +3,9 @@
 //! A row of the safety map is one 128-bit word, so that a whole row of the footprint is asked for at once. Around
 //! the robot's centre, sixteen dilated copies answer most questions without a look at the outline.
 
-use crate::config::ConfigError;
-use sidestep_msgs::{AGE_NEVER, NO_CELL, Robot, SAFETY_SIDE, SafetyMap};
+use crate::config::{Config, ConfigError};
+use crate::movers::{Movers, Sight};
+use sidestep_msgs::{AGE_NEVER, NO_CELL, Robot, SAFETY_SIDE, SafetyMap, probability_code};
 
 /// Rows of bits: row = cells ahead of the rear edge, bit = cells left of the right edge.
 pub(crate) type Rows = [u128; SAFETY_SIDE];
@@ -207,7 +208,7 @@ fn normal(from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
     [dy / length, -dx / length]
 }
 
-fn cell_index(row: usize, bit: usize) -> u32 {
+pub(crate) fn cell_index(row: usize, bit: usize) -> u32 {
     ((SAFETY_SIDE - 1 - row) * SAFETY_SIDE + SAFETY_SIDE - 1 - bit) as u32
 }
 
@@ -222,23 +223,49 @@ pub(crate) struct FreeSpace {
     pub(crate) unknown: Rows,
     /// `near[k]`: cells within k cells (chessboard distance) of one that is not known free, or of the border.
     near: Box<[Rows; LEVELS]>,
+    /// Where movers may be.
+    pub(crate) movers: Movers,
+    codes: Codes,
+}
+
+/// The limits of a configuration, as the map's bytes have them.
+#[derive(Debug, Clone, Copy)]
+struct Codes {
+    /// Occupancy below this is free.
+    free: u8,
+    /// Seen up to this age, a cell may be crossed backward.
+    old: u8,
+    /// Seen up to this age, nothing that moves has come there unseen.
+    seen: u8,
+    /// From this on, what is there stands still.
+    still: u8,
 }
 
 impl FreeSpace {
     /// Nothing is known.
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(config: &Config, robot: &Robot) -> Self {
+        let tenths = |span_s: f32| (span_s * 10.0 + 0.5) as u8;
+        let codes = Codes {
+            free: probability_code(config.free_below),
+            old: tenths(config.back_up_age_s),
+            seen: tenths(config.seen_s),
+            still: tenths(config.still_s),
+        };
         let mut space = Self {
             blocked: [ALL; SAFETY_SIDE],
             old: [ALL; SAFETY_SIDE],
             unknown: [ALL; SAFETY_SIDE],
             near: Box::new([[ALL; SAFETY_SIDE]; LEVELS]),
+            movers: Movers::new(config, robot),
+            codes,
         };
-        space.dilate();
+        space.clear();
         space
     }
 
-    /// Takes a map: free below `free_code`, lately seen up to `old_code`.
-    pub(crate) fn take(&mut self, map: &SafetyMap, free_code: u8, old_code: u8) {
+    /// Takes a map.
+    pub(crate) fn take(&mut self, map: &SafetyMap) {
+        let codes = self.codes;
         let lines =
             map.occupancy.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.age.as_chunks::<SAFETY_SIDE>().0);
         for (index, (occupancy, age)) in lines.enumerate() {
@@ -246,10 +273,10 @@ impl FreeSpace {
             let (mut blocked, mut old, mut unknown) = (0u128, 0u128, 0u128);
             for col in 0..SAFETY_SIDE {
                 let seen = age[col] != AGE_NEVER;
-                let free = seen && occupancy[col] < free_code;
+                let free = seen && occupancy[col] < codes.free;
                 // Column 0 is farthest left: the highest bit.
                 blocked = blocked << 1 | u128::from(!free);
-                old = old << 1 | u128::from(!free || age[col] > old_code);
+                old = old << 1 | u128::from(!free || age[col] > codes.old);
                 unknown = unknown << 1 | u128::from(!free && (!seen || occupancy[col] <= 140));
             }
             self.blocked[row] = blocked;
@@ -257,6 +284,26 @@ impl FreeSpace {
             self.unknown[row] = unknown;
         }
         self.dilate();
+        if self.movers.speed_m_s() > 0.0 {
+            self.movers.take(&self.sight(map));
+        }
+    }
+
+    /// What a map, whose free cells are known already, shows of movers.
+    fn sight(&self, map: &SafetyMap) -> Sight {
+        let none = [0; SAFETY_SIDE];
+        let mut sight = Sight { taken: none, fresh: none, unseen: none };
+        let lines = map.age.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.still.as_chunks::<SAFETY_SIDE>().0);
+        for (index, (age, still)) in lines.enumerate() {
+            let row = SAFETY_SIDE - 1 - index;
+            let bits = |holds: &dyn Fn(usize) -> bool| {
+                (0..SAFETY_SIDE).fold(0u128, |bits, col| bits << 1 | u128::from(holds(col)))
+            };
+            sight.taken[row] = self.blocked[row] & !self.unknown[row];
+            sight.fresh[row] = sight.taken[row] & bits(&|col| still[col] < self.codes.still);
+            sight.unseen[row] = self.unknown[row] | bits(&|col| age[col] > self.codes.seen);
+        }
+        sight
     }
 
     /// Whether a cell of the safety map is not free because nobody saw it.
@@ -271,6 +318,7 @@ impl FreeSpace {
         self.old = [ALL; SAFETY_SIDE];
         self.unknown = [ALL; SAFETY_SIDE];
         self.dilate();
+        self.movers.clear();
     }
 
     /// Rebuilds the dilated copies from `blocked`.

@@ -91,6 +91,10 @@ pub struct Config {
     pub progress_m: f32,
     /// `[s]` rest after recovery failed, before it tries again (`resume = auto`).
     pub wait_s: f32,
+    /// `[s]` what has stood for this long goes on standing; before, it may move. Only where the robot file names a speed of movers.
+    pub still_s: f32,
+    /// `[s]` a cell not seen for longer may hide a mover. As above.
+    pub seen_s: f32,
     /// `[m/s]` a policy in more doubt than this gives way to the expert; `inf` = never.
     pub doubt_limit_m_s: f32,
     /// `[rad/s]` a policy in more doubt than this gives way to the expert; `inf` = never.
@@ -131,6 +135,8 @@ impl Config {
         no_progress_s: 5.0,
         progress_m: 0.1,
         wait_s: 2.0,
+        still_s: 1.0,
+        seen_s: 0.5,
         doubt_limit_m_s: f32::INFINITY,
         doubt_limit_rad_s: f32::INFINITY,
         lead_frames: 10,
@@ -176,6 +182,8 @@ impl Config {
             ("no_progress_s", self.no_progress_s, 1.0, 600.0, "1 to 600 s"),
             ("progress_m", self.progress_m, 0.01, 1.0, "0.01 to 1 m"),
             ("wait_s", self.wait_s, 0.5, 600.0, "0.5 to 600 s"),
+            ("still_s", self.still_s, 0.1, 25.0, "0.1 to 25 s"),
+            ("seen_s", self.seen_s, 0.0, 25.0, "0 to 25 s"),
             ("doubt_limit_m_s", self.doubt_limit_m_s, 0.0, f32::INFINITY, "0 to inf"),
             ("doubt_limit_rad_s", self.doubt_limit_rad_s, 0.0, f32::INFINITY, "0 to inf"),
             ("lead_frames", self.lead_frames as f32, 1.0, 1000.0, "1 to 1000"),

@@ -168,6 +168,8 @@ impl Arbiter {
             at,
             twist: odometry.twist,
             age_s: now_ns.saturating_sub(odometry.stamp_ns) as f32 * 1e-9,
+            map_s: odometry.stamp_ns.wrapping_sub(inputs.map_stamps.stamp_ns).cast_signed() as f32 * 1e-9,
+            movers: self.space.movers.speed_m_s() > 0.0,
             pending,
             pending_count,
             margin_m,

@@ -2,8 +2,8 @@
 
 use crate::{Arbiter, Config};
 use sidestep_msgs::{
-    Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
-    SafetyMap, Status, Twist, Winner,
+    AGE_NEVER, Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
+    STILL, SafetyMap, Status, Twist, Winner,
 };
 
 /// `[ns]` one millisecond.
@@ -54,7 +54,7 @@ pub(crate) fn gap_m(robot: &Robot, pose: &Pose2, solids: &[Solid]) -> f64 {
     least
 }
 
-/// A safety map of the world round a pose: a cell is occupied if a solid may reach into it.
+/// A safety map of the world round a pose: a cell is occupied if a solid may reach into it, for long.
 pub(crate) fn map_of(solids: &[Solid], pose: &Pose2, capture_ns: u64) -> Box<SafetyMap> {
     let mut map: Box<SafetyMap> = bytemuck::zeroed_box();
     map.capture_ns = capture_ns;
@@ -63,8 +63,35 @@ pub(crate) fn map_of(solids: &[Solid], pose: &Pose2, capture_ns: u64) -> Box<Saf
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
         let (x, y) = pose.transform(f64::from(x), f64::from(y));
         map.occupancy[index] = if distance_m(solids, x, y) < 0.0354 { 250 } else { 10 };
+        map.still[index] = STILL;
     }
     map
+}
+
+/// Nobody has ever seen what lies in `unseen`.
+pub(crate) fn hide(unseen: &[Solid], map: &mut SafetyMap) {
+    over(unseen, map, |map, index| map.age[index] = AGE_NEVER);
+}
+
+/// Draws what has just come to where it is, as far as it can be seen: near the camera over floor that cannot.
+pub(crate) fn draw_movers(movers: &[Solid], blind_m: f32, map: &mut SafetyMap) {
+    over(movers, map, |map, index| {
+        let (x_m, y_m) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+        if map.age[index] != AGE_NEVER || libm::hypotf(x_m, y_m) < blind_m {
+            map.age[index] = 0;
+            (map.occupancy[index], map.still[index]) = (250, 0);
+        }
+    });
+}
+
+fn over(solids: &[Solid], map: &mut SafetyMap, mut change: impl FnMut(&mut SafetyMap, usize)) {
+    for index in 0..SAFETY_CELLS {
+        let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+        let (x, y) = map.pose.transform(f64::from(x), f64::from(y));
+        if distance_m(solids, x, y) < 0.0354 {
+            change(map, index);
+        }
+    }
 }
 
 /// An arbiter with all its inputs alive, on a base with dead time and lag.
@@ -73,6 +100,10 @@ pub(crate) struct Stage {
     pub(crate) robot: Robot,
     pub(crate) arbiter: Arbiter,
     pub(crate) solids: Vec<Solid>,
+    /// What nobody has ever seen.
+    pub(crate) unseen: Vec<Solid>,
+    /// What is on its way now.
+    pub(crate) movers: Vec<Solid>,
     pub(crate) now_ns: u64,
     pub(crate) frame: u64,
     pub(crate) pose: Pose2,
@@ -110,6 +141,8 @@ impl Stage {
             brake_m_s2: robot.limits.brake_m_s2,
             robot,
             solids: solids.to_vec(),
+            unseen: Vec::new(),
+            movers: Vec::new(),
             now_ns: 1000 * MS,
             frame: 0,
             pose: Pose2::ORIGIN,
@@ -154,7 +187,10 @@ impl Stage {
         self.frame += 1;
         let ok = self.header(Status::Ok);
         if !self.mute.map {
-            self.arbiter.safety_map(&map_of(&self.solids, &self.pose, self.now_ns), &ok);
+            let mut map = map_of(&self.solids, &self.pose, self.now_ns);
+            hide(&self.unseen, &mut map);
+            draw_movers(&self.movers, self.robot.blind_m(), &mut map);
+            self.arbiter.safety_map(&map, &ok);
         }
         if !self.mute.goal {
             let goal = LocalGoal { capture_ns: self.now_ns, x_m: 2.0, ..LocalGoal::default() };

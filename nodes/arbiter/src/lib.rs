@@ -17,6 +17,7 @@ mod fixture;
 mod freshness;
 mod inputs;
 mod limits;
+mod movers;
 mod node;
 mod operator;
 #[cfg(test)]

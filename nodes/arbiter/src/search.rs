@@ -7,7 +7,7 @@
 use crate::clearance::FreeSpace;
 use crate::config::Config;
 use crate::limits::{Limiter, Motion};
-use crate::tube::{Candidate, Situation, Tube};
+use crate::tube::{Candidate, Hit, Situation, Tube};
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 
@@ -85,7 +85,7 @@ pub(crate) struct Filter<'a> {
 }
 
 impl Filter<'_> {
-    fn try_motion(&self, motion: Motion, comfort: bool, lately_seen: bool) -> Result<Motion, u32> {
+    fn try_motion(&self, motion: Motion, comfort: bool, lately_seen: bool) -> Result<Motion, Hit> {
         let candidate = Candidate { motion, comfort, lately_seen };
         self.tube.check(self.situation, self.space, &candidate).map(|()| motion)
     }
@@ -96,10 +96,14 @@ impl Filter<'_> {
         if wish.v_m_s.abs() < 1e-3 && wish.w_rad_s.abs() < 1e-3 {
             return Filtered { scale: 1.0, ..self.brake(question, Reason::Clear, NO_CELL) };
         }
-        let cell = match self.along(question, wish, escape) {
+        let Hit { cell, moving } = match self.along(question, wish, escape) {
             Ok(filtered) => return filtered,
-            Err(cell) => cell,
+            Err(hit) => hit,
         };
+        if moving {
+            // It passes, or shows that nothing was there.
+            return self.brake(question, Reason::Yielding, cell);
+        }
         if question.ways >= Ways::Straight && wish.v_m_s.abs() > self.config.crawl_m_s && wish.w_rad_s != 0.0
         {
             // A corner that swings out meets cells which the flank passes.
@@ -119,18 +123,21 @@ impl Filter<'_> {
     }
 
     /// As much of a wish as is safe, or the cell in the way.
-    fn along(&self, question: &Question, wish: Twist, escape: &Escape) -> Result<Filtered, u32> {
+    fn along(&self, question: &Question, wish: Twist, escape: &Escape) -> Result<Filtered, Hit> {
         self.nudge(question, wish, escape)?;
-        let (found, cell) = self.largest(question, wish);
-        let (motion, scale) = found.ok_or(cell)?;
-        let clear = scale >= 1.0;
-        let reason = if clear { Reason::Clear } else { Reason::Slowed };
-        Ok(Filtered { motion, scale, reason, cell: if clear { NO_CELL } else { cell } })
+        let (found, hit) = self.largest(question, wish);
+        let (motion, scale) = found.ok_or(hit)?;
+        let (reason, cell) = match hit {
+            _ if scale >= 1.0 => (Reason::Clear, NO_CELL),
+            Hit { cell, moving: true } => (Reason::Yielding, cell),
+            Hit { cell, moving: false } => (Reason::Slowed, cell),
+        };
+        Ok(Filtered { motion, scale, reason, cell })
     }
 
     /// Whether a robot that hardly moves has room to move at all along the wish: one tick's worth of speed is always
     /// safe, and would end in creeping. During an escape more room is asked for, so that it is not left too soon.
-    fn nudge(&self, question: &Question, wish: Twist, escape: &Escape) -> Result<(), u32> {
+    fn nudge(&self, question: &Question, wish: Twist, escape: &Escape) -> Result<(), Hit> {
         if question.from.twist.v_m_s * wish.v_m_s.signum() > self.config.crawl_m_s {
             return Ok(());
         }
@@ -142,15 +149,15 @@ impl Filter<'_> {
         self.try_motion(motion, true, false).map(|_| ())
     }
 
-    /// The largest safe scale with its command, and the cell that was in the way of the next larger.
-    fn largest(&self, question: &Question, wish: Twist) -> (Option<(Motion, f32)>, u32) {
+    /// The largest safe scale with its command, and what was in the way of the next larger.
+    fn largest(&self, question: &Question, wish: Twist) -> (Option<(Motion, f32)>, Hit) {
         let at = |scale: f32| {
             let part = Twist::new(wish.v_m_s * scale, wish.w_rad_s * scale);
             self.limiter.towards(&question.from, part, question.dt_s)
         };
-        let mut cell = NO_CELL;
+        let mut hit = Hit { cell: NO_CELL, moving: false };
         // Neighbouring scales often give the same command; it is swept once.
-        let mut last: Option<(Motion, Result<Motion, u32>)> = None;
+        let mut last: Option<(Motion, Result<Motion, Hit>)> = None;
         let mut sweep = |scale: f32| {
             let motion = at(scale);
             let verdict = match last {
@@ -158,14 +165,14 @@ impl Filter<'_> {
                 _ => self.try_motion(motion, true, false),
             };
             last = Some((motion, verdict));
-            if let Err(hit) = verdict {
-                cell = hit;
+            if let Err(found) = verdict {
+                hit = found;
             }
             verdict.ok()
         };
         let top = question.scale_max.clamp(0.0, 1.0);
         if let Some(motion) = sweep(top) {
-            return (Some((motion, top)), cell);
+            return (Some((motion, top)), hit);
         }
         let mut best = None;
         let (mut low, mut high) = (0, libm::ceilf(top * STEPS as f32) as u32);
@@ -185,7 +192,7 @@ impl Filter<'_> {
                 None => high = middle,
             }
         }
-        (best, cell)
+        (best, hit)
     }
 
     /// A turn on the spot: to the side of the last escape, of the wish, or of the goal; then to the other.
@@ -235,7 +242,8 @@ impl Filter<'_> {
         Some((motion, Reason::Reversing))
     }
 
-    /// The brake: gentle where even that is safe, else the brake that was swept with every command before.
+    /// The brake: gentle where even that is safe, else the brake that was swept with every command before. Movers give way
+    /// to what stands: a brake that would not be at rest in time for them is still one that hits nothing.
     fn brake(&self, question: &Question, reason: Reason, cell: u32) -> Filtered {
         let at = |comfort| self.limiter.brake(&question.from, question.dt_s, comfort);
         let (gentle, hard) = (at(true), at(false));
@@ -245,13 +253,20 @@ impl Filter<'_> {
         let Err(hit) = self.try_motion(hard, false, false) else {
             return Filtered { motion: hard, scale: 0.0, reason, cell };
         };
+        let among_standing = Situation { movers: false, ..*self.situation };
+        for (motion, comfort) in [(hard, false), (gentle, true)] {
+            let candidate = Candidate { motion, comfort, lately_seen: false };
+            if self.situation.movers && self.tube.check(&among_standing, self.space, &candidate).is_ok() {
+                return Filtered { motion, scale: 0.0, reason, cell };
+            }
+        }
         // The cells of a map lie in the robot's own frame, so an edge seen again may come nearer by a cell: braking
         // answers that. An emergency is what comes nearer than that.
         let margin_m = self.situation.margin_m.min(self.tube.full_margin_m()) - SAFETY_GRID.cell_m;
-        let nearer = Situation { margin_m, ..*self.situation };
+        let nearer = Situation { margin_m, ..among_standing };
         let candidate = Candidate { motion: hard, comfort: false, lately_seen: false };
         let harmless = self.tube.check(&nearer, self.space, &candidate).is_ok();
         let reason = if harmless { Reason::Braking } else { Reason::Emergency };
-        Filtered { motion: hard, scale: 0.0, reason, cell: hit }
+        Filtered { motion: hard, scale: 0.0, reason, cell: hit.cell }
     }
 }

@@ -1,13 +1,13 @@
 //! All that a step keeps, as plain bytes, so that a recording can be replayed from its middle.
 
 use crate::arbiter::{Arbiter, Memory};
-use crate::clearance::Rows;
+use crate::clearance::{FreeSpace, Rows};
 use bytemuck::Zeroable;
 
 const MEMORY: usize = size_of::<Memory>();
 const ROWS: usize = size_of::<Rows>();
 /// Bytes of a state.
-const SIZE: usize = MEMORY + 3 * ROWS;
+const SIZE: usize = MEMORY + 5 * ROWS;
 
 const _: () = assert!(SIZE <= sidestep_msgs::ARBITER_STATE_BYTES);
 
@@ -17,7 +17,8 @@ impl Arbiter {
         let Some(out) = out.get_mut(..SIZE) else { return 0 };
         let (memory, rows) = out.split_at_mut(MEMORY);
         memory.copy_from_slice(bytemuck::bytes_of(&self.memory));
-        let parts = [&self.space.blocked, &self.space.old, &self.space.unknown];
+        let FreeSpace { blocked, old, unknown, movers, .. } = &self.space;
+        let parts = [blocked, old, unknown, &movers.sources, &movers.fixed];
         for (part, bytes) in parts.into_iter().zip(rows.chunks_exact_mut(ROWS)) {
             bytes.copy_from_slice(bytemuck::bytes_of(part));
         }
@@ -33,11 +34,13 @@ impl Arbiter {
         let mut kept = Memory::zeroed();
         bytemuck::bytes_of_mut(&mut kept).copy_from_slice(memory);
         self.memory = kept;
-        let parts = [&mut self.space.blocked, &mut self.space.old, &mut self.space.unknown];
+        let FreeSpace { blocked, old, unknown, movers, .. } = &mut self.space;
+        let parts = [blocked, old, unknown, &mut movers.sources, &mut movers.fixed];
         for (part, bytes) in parts.into_iter().zip(rows.chunks_exact(ROWS)) {
             bytemuck::bytes_of_mut(part).copy_from_slice(bytes);
         }
         self.space.dilate();
+        self.space.movers.grow();
         true
     }
 }

@@ -39,6 +39,10 @@ pub(crate) struct Situation {
     pub(crate) twist: Twist,
     /// `[s]` from the odometry's stamp to now.
     pub(crate) age_s: f32,
+    /// `[s]` from the map's capture to the odometry's stamp.
+    pub(crate) map_s: f32,
+    /// Whether what moves, or may come out of where nobody looks, is minded.
+    pub(crate) movers: bool,
     /// Commands sent, oldest first.
     pub(crate) pending: [Pending; SENT_MAX],
     /// How many.
@@ -62,6 +66,21 @@ pub(crate) struct Candidate {
     pub(crate) comfort: bool,
     /// Whether it may only cross cells seen lately.
     pub(crate) lately_seen: bool,
+}
+
+/// What is in the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Hit {
+    /// The cell, or [`NO_CELL`] where the way leaves the map or never ends.
+    pub(crate) cell: u32,
+    /// Whether the cell is free, but something that moves could be there by then.
+    pub(crate) moving: bool,
+}
+
+impl Hit {
+    fn standing(cell: u32) -> Self {
+        Self { cell, moving: false }
+    }
 }
 
 /// The braking commands that follow a candidate.
@@ -185,13 +204,13 @@ impl Tube {
     /// Sweeps a candidate for every corner.
     ///
     /// # Errors
-    /// The cell in the way, or [`NO_CELL`] where the way leaves the map or never ends.
+    /// What is in the way.
     pub(crate) fn check(
         &self,
         situation: &Situation,
         space: &FreeSpace,
         candidate: &Candidate,
-    ) -> Result<(), u32> {
+    ) -> Result<(), Hit> {
         self.corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
     }
 
@@ -201,7 +220,7 @@ impl Tube {
         space: &FreeSpace,
         candidate: &Candidate,
         corner: &Corner,
-    ) -> Result<(), u32> {
+    ) -> Result<(), Hit> {
         let actuator = &self.robot.actuator;
         let pending = &situation.pending[..situation.pending_count.min(SENT_MAX)];
         let begin_s = situation.age_s + corner.dead_s;
@@ -215,6 +234,8 @@ impl Tube {
         // The start is checked too: a map may have come since.
         let (mut moved_m, mut step_m, mut allowed_m) = (0.0f32, 0.0f32, -1.0f32);
         let mut path_m = 0.0;
+        // What moves comes nearer by itself.
+        let nearer_m = if situation.movers { space.movers.speed_m_s() * STEP_S } else { 0.0 };
         for step in 0..STEPS_MAX {
             let time_s = step as f32 * STEP_S;
             // Looked at before the next step would pass what is allowed; NaN looks at every pose.
@@ -245,10 +266,10 @@ impl Tube {
             let length_m = (v + error.copysign(v)) * STEP_S;
             advance(&mut at, length_m, w * STEP_S);
             path_m += length_m.abs();
-            step_m = length_m.abs() + w.abs() * STEP_S * self.outline.radius_m(self.full_margin_m);
+            step_m = length_m.abs() + w.abs() * STEP_S * self.outline.radius_m(self.full_margin_m) + nearer_m;
             moved_m += step_m;
         }
-        Err(NO_CELL)
+        Err(Hit::standing(NO_CELL))
     }
 
     /// `[m]` how far any point of the footprint may move before the next look.
@@ -260,21 +281,43 @@ impl Tube {
         at: &Heading,
         time_s: f32,
         path_m: f32,
-    ) -> Result<f32, u32> {
+    ) -> Result<f32, Hit> {
         let mut margin_m = if candidate.lately_seen { situation.old_margin_m } else { situation.margin_m };
         if margin_m >= self.full_margin_m {
             let error_m = 0.5 * self.robot.actuator.tracking_rad_s * time_s * path_m;
             margin_m += error_m.min(TURN_ERROR_MOST_M);
         }
-        if !candidate.lately_seen {
-            let reach_m = self.outline.radius_m(margin_m);
-            let slack_m = space.clearance_m(at.x_m, at.y_m) - reach_m;
-            if slack_m >= self.gap_m {
-                return Ok(slack_m);
-            }
+        let slack_m = space.clearance_m(at.x_m, at.y_m) - self.outline.radius_m(margin_m);
+        let allowed_m = if !candidate.lately_seen && slack_m >= self.gap_m {
+            slack_m
+        } else {
+            let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
+            let hit = self.outline.blocked(at, margin_m, rows);
+            hit.map_or(Ok(self.gap_m), |cell| Err(Hit::standing(cell)))?
+        };
+        if !situation.movers {
+            return Ok(allowed_m);
         }
-        let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
-        self.outline.blocked(at, margin_m, rows).map_or(Ok(self.gap_m), Err)
+        let gone_m = space.movers.speed_m_s() * (situation.map_s + time_s).max(0.0);
+        Ok(allowed_m.min(self.room_for_movers(space, at, margin_m, gone_m)?))
+    }
+
+    /// `[m]` how much nearer the footprint and movers that have gone `gone_m` may come to each other.
+    fn room_for_movers(
+        &self,
+        space: &FreeSpace,
+        at: &Heading,
+        margin_m: f32,
+        gone_m: f32,
+    ) -> Result<f32, Hit> {
+        let slack_m = space.movers.slack_m(at.x_m, at.y_m, self.outline.radius_m(margin_m), gone_m);
+        if slack_m >= self.gap_m {
+            return Ok(slack_m);
+        }
+        let moving = |cell| Hit { cell, moving: true };
+        let rows = space.movers.reached(gone_m + self.gap_m).map_err(moving)?;
+        let hit = self.outline.blocked(at, margin_m, rows);
+        hit.map_or(Ok(self.gap_m), |cell| Err(moving(cell)))
     }
 }
 

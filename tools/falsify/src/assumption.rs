@@ -20,7 +20,7 @@ pub enum Assumption {
     Watchdog,
     /// What was granted free at the start is free.
     StartDisc,
-    /// Nothing moves but the robot.
+    /// Nothing moves faster than the robot file says.
     Mover,
 }
 
@@ -63,7 +63,7 @@ impl Assumption {
             Self::Stamps => "maps and odometry are 0.2 to 0.8 s older than their stamps",
             Self::Watchdog => "the base goes on with the last command while nobody commands",
             Self::StartDisc => "an obstacle stands in the disc that was granted free and never seen",
-            Self::Mover => "an obstacle moves at up to 1 m/s",
+            Self::Mover => "an obstacle moves up to 1 m/s faster than the robot file says",
         }
     }
 

@@ -4,14 +4,14 @@ use crate::base::Base;
 use crate::error::FalsifyError;
 use crate::genes::Case;
 use crate::scenario::{Scenario, TICKS};
-use crate::sensing::{Known, Mail, Moment, draw_map};
-use crate::thing::footprint;
+use crate::sensing::{Known, Mail, Moment, Shown, draw_map};
+use crate::thing::{footprint, in_sector};
 use serde::Serialize;
 use sidestep_arbiter::{Arbiter, Config};
 use sidestep_msgs::{
     Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SafetyMap, Status, Twist, Winner,
 };
-use sidestep_sim::{BEGIN_NS, Solid, TICK_NS};
+use sidestep_sim::{BEGIN_NS, TICK_NS};
 
 /// Steps of the base in a tick: 2 ms each.
 const STEPS_PER_TICK: u64 = 5;
@@ -76,7 +76,7 @@ pub struct Evaluator {
     config: Config,
     map: Box<SafetyMap>,
     polygon: Vec<[f64; 2]>,
-    shown: Vec<(Solid, bool)>,
+    shown: Vec<Shown>,
 }
 
 impl Evaluator {
@@ -153,6 +153,8 @@ struct Run<'a> {
     gap_m: f64,
     slack_m: f64,
     contact: Option<Contact>,
+    /// Things that the promise does not speak of any more: movers that left the sector, or came to a robot at rest.
+    excused: Vec<bool>,
 }
 
 impl<'a> Run<'a> {
@@ -177,6 +179,7 @@ impl<'a> Run<'a> {
             gap_m: FAR_M,
             slack_m: 0.0,
             contact: None,
+            excused: vec![false; scenario.things.0.len()],
             evaluator,
             scenario,
         }
@@ -308,11 +311,11 @@ impl<'a> Run<'a> {
         for thing in self.scenario.things.0.iter().filter(|thing| !thing.granted) {
             let solid = thing.at(time_s);
             if thing.seen_within_m.is_infinite() || solid.gap_m(polygon) < thing.seen_within_m {
-                shown.push((solid, thing.seen));
+                shown.push(Shown { solid, seen: thing.seen, moving: thing.speed_m_s() > 0.0 });
             }
         }
         map.capture_ns = BEGIN_NS + moment.tick * TICK_NS;
-        draw_map(moment, shown, self.known.as_ref(), map);
+        draw_map(moment, shown, self.known.as_ref(), robot.blind_m(), map);
     }
 
     /// Notes how near everything is, if it can be nearer than anything was before.
@@ -327,9 +330,18 @@ impl<'a> Run<'a> {
         let evaluator = &mut *self.evaluator;
         footprint(&evaluator.robot, &self.base.pose, &mut evaluator.polygon);
         let radius_m = f64::from(evaluator.robot.radius_m());
+        let rests = twist.v_m_s.abs() < REST && twist.w_rad_s.abs() < REST;
+        let minded = evaluator.robot.start.mover_m_s > 0.0;
         let mut nearest = (FAR_M, 0);
         for (number, thing) in self.scenario.things.0.iter().enumerate().filter(|(_, thing)| thing.exists) {
             let solid = thing.at(time_s);
+            if minded && thing.speed_m_s() > 0.0 {
+                let met = rests && solid.gap_m(&evaluator.polygon) <= 0.0;
+                self.excused[number] |= met || !in_sector(&evaluator.robot, &self.base.pose, &solid);
+                if self.excused[number] {
+                    continue;
+                }
+            }
             let apart_m = solid.distance_m([self.base.pose.x_m, self.base.pose.y_m]) - radius_m;
             if apart_m < nearest.0 {
                 let gap_m = solid.gap_m(&evaluator.polygon);
@@ -340,7 +352,7 @@ impl<'a> Run<'a> {
         }
         let (gap_m, thing) = nearest;
         self.gap_m = gap_m;
-        if twist.v_m_s.abs() < REST && twist.w_rad_s.abs() < REST {
+        if rests {
             self.slack_m = 0.0;
             return;
         }

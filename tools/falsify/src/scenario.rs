@@ -16,6 +16,8 @@ pub const TICKS: usize = 300;
 const PIECES: usize = 10;
 /// Obstacles.
 const THINGS: usize = 5;
+/// Obstacles that move where the robot minds movers.
+const MOVERS: usize = 2;
 /// Genes of a case.
 pub const GENES: usize = 2 + 4 * PIECES + 11 * THINGS + 9 + 11 + 3 * 4 + 9 + 5 + 2;
 
@@ -141,7 +143,7 @@ impl Scenario {
         let way = Way::new(&pieces, yaw_rad, robot);
         let mut things = Things::default();
         for number in 0..THINGS {
-            let thing = thing(read, &way, number, relaxed);
+            let thing = thing(read, &way, number, relaxed, f64::from(robot.start.mover_m_s));
             if clear_of_start(&thing.solid, yaw_rad, robot, thing.granted) {
                 things.0.push(thing);
             }
@@ -230,7 +232,14 @@ impl Way {
     }
 }
 
-fn thing(read: &mut Reader<'_>, way: &Way, number: usize, relaxed: Option<Assumption>) -> Thing {
+/// Where the robot file names a speed of movers, the first things move no faster, unless that is relaxed.
+fn thing(
+    read: &mut Reader<'_>,
+    way: &Way,
+    number: usize,
+    relaxed: Option<Assumption>,
+    mover_m_s: f64,
+) -> Thing {
     let is = |assumption| relaxed == Some(assumption) && number == 0;
     let from = way.at(read.unit());
     let (ahead, left) = (read.between(-0.6, 1.5), read.between(-0.9, 0.9));
@@ -248,14 +257,16 @@ fn thing(read: &mut Reader<'_>, way: &Way, number: usize, relaxed: Option<Assump
     let exists = read.chance(0.75);
     let seen = read.chance(0.7);
     let (speed, course) = (read.between(0.0, 1.0), read.between(-3.2, 3.2));
-    let moves = is(Assumption::Mover);
+    let hurries = is(Assumption::Mover);
+    let moves = hurries || mover_m_s > 0.0 && number < MOVERS;
+    let speed = if hurries { mover_m_s + speed } else { mover_m_s * speed };
     let granted = is(Assumption::StartDisc);
     let missed = is(Assumption::Recall);
     let (sin, cos) = libm::sincos(course);
     Thing {
         solid,
-        seen,
-        exists: exists || moves || granted || missed,
+        seen: seen || moves && mover_m_s > 0.0,
+        exists: exists || hurries || granted || missed,
         seen_within_m: if missed { 0.3 } else { f64::INFINITY },
         velocity_m_s: if moves { [speed * cos, speed * sin] } else { [0.0; 2] },
         granted,

@@ -1,7 +1,7 @@
 //! What reaches the arbiter, and when: maps, odometry and wishes, late, lost, repeated, or of a mapper just restarted.
 
 use crate::scenario::Channel;
-use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, SafetyMap, Twist};
+use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, Twist};
 use sidestep_sim::{Random, Solid, draw, mix, seen_from};
 
 /// `[m]` half of the diagonal of a cell.
@@ -59,16 +59,44 @@ pub(crate) struct Known {
     pub(crate) radius_m: f64,
 }
 
-/// Draws the safety map of a moment: a cell is taken, or not seen, where a thing touches it.
-pub(crate) fn draw_map(moment: &Moment, shown: &[(Solid, bool)], known: Option<&Known>, map: &mut SafetyMap) {
+/// A thing as the map shows it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shown {
+    pub(crate) solid: Solid,
+    /// Whether it is seen; otherwise nobody looked there.
+    pub(crate) seen: bool,
+    /// Whether it is on its way.
+    pub(crate) moving: bool,
+}
+
+/// Draws the safety map of a moment: a cell is taken, or not seen, where a thing touches it. What moves is seen within
+/// `blind_m` over floor that is not.
+pub(crate) fn draw_map(
+    moment: &Moment,
+    shown: &[Shown],
+    known: Option<&Known>,
+    blind_m: f32,
+    map: &mut SafetyMap,
+) {
     map.pose = moment.believed;
     map.occupancy.fill(0);
     map.age.fill(0);
+    map.still.fill(STILL);
     let from = moment.pose;
-    for (solid, seen) in shown {
+    for Shown { solid, seen, moving } in shown {
         let solid = seen_from(solid, &from);
         // What is taken and what was never seen are the same number, in the one array or in the other.
         draw(&solid, &SAFETY_GRID, if *seen { &mut map.occupancy } else { &mut map.age });
+        if *moving {
+            draw(&solid, &SAFETY_GRID, &mut map.still);
+        }
+    }
+    for (index, still) in map.still.iter_mut().enumerate().filter(|(_, still)| **still > STILL) {
+        *still = 0;
+        let (x_m, y_m) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+        if x_m * x_m + y_m * y_m < blind_m * blind_m {
+            map.age[index] = 0;
+        }
     }
     let Some(known) = known else { return };
     let (x, y) = from.inverse_transform(known.centre_m[0], known.centre_m[1]);

@@ -100,6 +100,15 @@ pub(crate) fn footprint(robot: &Robot, pose: &Pose2, out: &mut Vec<[f64; 2]>) {
     }));
 }
 
+/// Whether all of a solid lies where the camera of a robot at a pose looks.
+pub(crate) fn in_sector(robot: &Robot, pose: &Pose2, solid: &Solid) -> bool {
+    let from_m = robot.camera.map_or(0.0, |camera| f64::from(camera.forward_m));
+    solid.corners().into_iter().all(|[x_m, y_m]| {
+        let (ahead_m, left_m) = pose.inverse_transform(x_m, y_m);
+        libm::atan2(left_m, ahead_m - from_m).abs() < f64::from(robot.half_view_rad())
+    })
+}
+
 /// Whether the robot may start beside a solid; beside one that was wrongly granted free, as near as it likes.
 pub(crate) fn clear_of_start(solid: &Solid, yaw_rad: f64, robot: &Robot, granted: bool) -> bool {
     let mut polygon = Vec::with_capacity(8);

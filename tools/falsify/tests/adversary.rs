@@ -9,10 +9,16 @@ fn loomo() -> Robot {
     Robot::from_toml("loomo.toml", include_str!("../../../launch/robots/loomo.toml")).unwrap()
 }
 
-fn attack(relaxed: Option<Assumption>, evaluations: u64, threads: usize) -> Search {
-    let robot = loomo();
+/// The same, minding movers of half a metre per second in its sector.
+fn wary() -> Robot {
+    let mut robot = loomo();
+    robot.start.mover_m_s = 0.5;
+    robot
+}
+
+fn attack(robot: &Robot, relaxed: Option<Assumption>, evaluations: u64, threads: usize) -> Search {
     let stops = relaxed.is_some();
-    let options = SearchOptions { robot: &robot, relaxed, seed: 1, evaluations, threads, stops, keep: 3 };
+    let options = SearchOptions { robot, relaxed, seed: 1, evaluations, threads, stops, keep: 3 };
     search(&options, &mut |_, _, _| ()).unwrap()
 }
 
@@ -20,9 +26,9 @@ fn attack(relaxed: Option<Assumption>, evaluations: u64, threads: usize) -> Sear
 /// bytes from its word.
 #[test]
 fn nothing_is_touched_while_the_assumptions_hold_and_threads_have_no_influence() {
-    let found = attack(None, 1500, 1);
+    let found = attack(&loomo(), None, 1500, 1);
     assert_eq!(found.contacts, 0, "{:?}", found.first_contact);
-    assert_eq!(attack(None, 1500, 3), found);
+    assert_eq!(attack(&loomo(), None, 1500, 3), found);
     let worst = &found.worst[0];
     assert!(worst.outcome.robustness_m < 0.1, "the adversary comes near: {worst:?}");
     let case = Case::from_word(&worst.case).unwrap();
@@ -35,7 +41,7 @@ fn nothing_is_touched_while_the_assumptions_hold_and_threads_have_no_influence()
 #[test]
 fn every_assumption_is_needed() {
     for assumption in Assumption::ALL {
-        let found = attack(Some(assumption), 4000, 2);
+        let found = attack(&loomo(), Some(assumption), 4000, 2);
         let first =
             found.first_contact.unwrap_or_else(|| panic!("nothing found with {assumption:?} relaxed"));
         let case = Case::from_word(&first.case).unwrap();
@@ -45,6 +51,17 @@ fn every_assumption_is_needed() {
         let kept = Evaluator::new(&loomo()).unwrap().evaluate(&inside, &mut |_| ()).unwrap();
         assert_eq!(kept.contact, None, "{assumption:?}: the same genes with the assumption kept");
     }
+}
+
+/// Movers of up to the speed that the robot file names, seen or out of what is not: none meets a robot that moves. One
+/// that is faster does.
+#[test]
+fn a_robot_that_minds_movers_is_met_at_rest_unless_they_are_faster() {
+    let evaluations = std::env::var("SIDESTEP_EVALUATIONS").map_or(1500, |text| text.parse().unwrap());
+    let found = attack(&wary(), None, evaluations, 2);
+    assert_eq!(found.contacts, 0, "{:?}", found.first_contact);
+    let faster = attack(&wary(), Some(Assumption::Mover), 4000, 2);
+    assert!(faster.first_contact.is_some(), "no contact with faster movers");
 }
 
 #[test]

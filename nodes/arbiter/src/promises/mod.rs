@@ -5,6 +5,7 @@ mod closed_loop;
 mod escapes;
 mod garbage;
 mod modes;
+mod movers;
 mod pauses;
 mod properties;
 mod reasons;

@@ -35,6 +35,7 @@ fn reason_level(reason: u32) -> Level {
             Reason::Clear
             | Reason::Slowed
             | Reason::Straight
+            | Reason::Yielding
             | Reason::Rotating
             | Reason::Teleop
             | Reason::Arrived
