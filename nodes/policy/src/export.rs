@@ -2,8 +2,8 @@
 
 use crate::contract::{Contract, INPUTS, OUTPUTS};
 use crate::network::{
-    CROP_CELLS, CROP_COL, CROP_COLS, CROP_ROW, CROP_ROWS, GOAL_FEATURES, LOG_DOUBT_RANGE, Network, ROBOT_COL,
-    ROBOT_ROW, goal_feature_table,
+    CROP_CELLS, CROP_COL, CROP_COLS, CROP_ROW, CROP_ROWS, DIRECT_FEATURES, GOAL_FEATURES, LOG_DOUBT_RANGE,
+    Network, ROBOT_COL, ROBOT_ROW, goal_feature_table,
 };
 use prost::Message;
 use sidestep_msgs::{LOCAL_CELLS, LOCAL_SIDE};
@@ -124,7 +124,6 @@ impl Writer {
         self.integers("crop/end", &[bottom, right]);
         self.integers("robot/start", &[ahead, port]);
         self.integers("robot/end", &[behind, starboard]);
-        self.integers("crop/flat", &[1, CROP_CELLS as i64]);
         self.integers("goal/flat", &[1, LOCAL_CELLS as i64]);
         self.floats("goal/table", &[LOCAL_CELLS, GOAL_FEATURES], goal_feature_table());
         self.node("Slice", &["vi/value", "robot/start", "robot/end", "axes"], "value_robot_cells", vec![]);
@@ -132,14 +131,44 @@ impl Writer {
         self.node("ReduceMean", &["value_robot_cells"], "value_robot", mean);
         self.node("Slice", &["vi/value", "crop/start", "crop/end", "axes"], "value_crop", vec![]);
         self.node("Sub", &["value_crop", "value_robot"], "value_relative", vec![]);
-        self.node("Reshape", &["value_relative", "crop/flat"], "value_features", vec![]);
         self.node("Slice", &["reward_map", "crop/start", "crop/end", "axes"], "reward_crop", vec![]);
-        self.node("Reshape", &["reward_crop", "crop/flat"], "reward_features", vec![]);
         self.node("Reshape", &["goal", "goal/flat"], "goal_cells", vec![]);
         self.node("MatMul", &["goal_cells", "goal/table"], "goal_features", vec![]);
-        let parts = ["value_features", "reward_features", "velocity", "goal_features"];
+        let planes: &[&str] = if network.convolutions.is_empty() {
+            self.integers("crop/flat", &[1, CROP_CELLS as i64]);
+            self.node("Reshape", &["value_relative", "crop/flat"], "value_features", vec![]);
+            self.node("Reshape", &["reward_crop", "crop/flat"], "reward_features", vec![]);
+            &["value_features", "reward_features"]
+        } else {
+            self.convolutions(network);
+            self.integers("convolved/flat", &[1, (network.features() - DIRECT_FEATURES) as i64]);
+            self.node("Reshape", &["convolved", "convolved/flat"], "plane_features", vec![]);
+            &["plane_features"]
+        };
+        let parts = [planes, &["velocity", "goal_features"]].concat();
         self.node("Concat", &parts, "features", vec![integer("axis", 1)]);
-        debug_assert_eq!(network.dense[0].inputs, crate::network::FEATURES);
+        debug_assert_eq!(network.dense[0].inputs, network.features());
+    }
+
+    /// From the two crops to `convolved`.
+    fn convolutions(&mut self, network: &Network) {
+        self.node("Concat", &["value_relative", "reward_crop"], "planes", vec![integer("axis", 1)]);
+        let mut current = "planes".to_owned();
+        for (index, layer) in network.convolutions.iter().enumerate() {
+            let name = |part: &str| format!("convolution/{index}/{part}");
+            let (stride, dims) = (layer.stride as i64, [layer.outputs, layer.inputs, 3, 3]);
+            self.floats(&name("weight"), &dims, layer.weight.iter().copied());
+            self.floats(&name("bias"), &[layer.outputs], layer.bias.iter().copied());
+            let attribute = vec![
+                integers("kernel_shape", &[3, 3]),
+                integers("pads", &[1, 1, 1, 1]),
+                integers("strides", &[stride, stride]),
+            ];
+            self.node("Conv", &[&current, &name("weight"), &name("bias")], &name("sum"), attribute);
+            let last = index + 1 == network.convolutions.len();
+            current = if last { "convolved".into() } else { name("bent") };
+            self.node("Relu", &[&name("sum")], &current, vec![]);
+        }
     }
 
     /// Dense layers, command and doubt.

@@ -4,7 +4,9 @@
 //! m_r      = lambda * goal - planning_cost                          paper eq. (3)
 //! rq       = conv3x3(m_r), once                                     "vi/reward"
 //! V        <- max over channels of (rq + conv3x3(V)), K times       "vi/value", paper eq. (5), zero padding
-//! features = [V - V(robot) | m_r] on a crop round the robot, u', goal features
+//! planes   = [V - V(robot), m_r] on a crop round the robot
+//! planes   <- ReLU(conv3x3(planes)), per convolution; zero padding
+//! features = [planes, one after the other | u' | goal features]
 //! head     = dense layers with ReLU, 4 outputs
 //! command  = u' + head[0..2]; doubt = exp(clip(head[2..4]))
 //! ```
@@ -27,12 +29,29 @@ pub const ROBOT_ROW: usize = 23;
 pub const ROBOT_COL: usize = 13;
 /// Numbers that describe where the goal is.
 pub const GOAL_FEATURES: usize = 5;
-/// Inputs of the first dense layer: V and m_r on the crop, u', goal.
-pub const FEATURES: usize = 2 * CROP_CELLS + 2 + GOAL_FEATURES;
+/// Planes that the head begins with: V and m_r on the crop.
+pub const CROP_PLANES: usize = 2;
+/// Features that come from no plane: u', goal.
+pub const DIRECT_FEATURES: usize = 2 + GOAL_FEATURES;
 /// Outputs of the last dense layer: change of (v, w), logarithm of the doubt of (v, w).
 pub const HEAD_OUTPUTS: usize = 4;
 /// Range of the logarithm of the doubt.
 pub const LOG_DOUBT_RANGE: (f32, f32) = (-7.0, 1.5);
+
+/// A 3x3 convolution with a border of zeros, and ReLU behind it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConvolutionLayer {
+    /// Planes it reads.
+    pub inputs: usize,
+    /// Planes it makes.
+    pub outputs: usize,
+    /// Cells from one output to the next, in both directions; the first lies on the first cell.
+    pub stride: usize,
+    /// `[1]` outputs x inputs x 3 x 3, row by row.
+    pub weight: Vec<f32>,
+    /// `[1]` one per output.
+    pub bias: Vec<f32>,
+}
 
 /// A dense layer: out = in * weight + bias.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,8 +79,26 @@ pub struct Network {
     pub reward_bias: Vec<f32>,
     /// `[1]` 3x3 value kernel per channel, shared by all rounds.
     pub value: Vec<[f32; 9]>,
-    /// Dense layers from [`FEATURES`] to [`HEAD_OUTPUTS`].
+    /// Convolutions from [`CROP_PLANES`] on; with none, the dense layers see the crop itself.
+    pub convolutions: Vec<ConvolutionLayer>,
+    /// Dense layers from [`Network::features`] to [`HEAD_OUTPUTS`].
     pub dense: Vec<DenseLayer>,
+}
+
+impl Network {
+    /// Inputs of the first dense layer: the planes, one after the other, row by row, then u' and goal.
+    #[must_use]
+    pub fn features(&self) -> usize {
+        let planes = self.convolutions.last().map_or(CROP_PLANES, |layer| layer.outputs);
+        let size = self.convolutions.iter().fold([CROP_ROWS, CROP_COLS], |size, l| convolved(size, l.stride));
+        planes * size[0] * size[1] + DIRECT_FEATURES
+    }
+}
+
+/// Rows and columns that a 3x3 convolution of this stride makes of a plane with a border of zeros.
+#[must_use]
+pub fn convolved(size: [usize; 2], stride: usize) -> [usize; 2] {
+    size.map(|cells| cells.div_ceil(stride))
 }
 
 /// What the network is told of a goal in `cell`: x `[m]`, y `[m]`, distance `[m]`, cosine and sine of its bearing.

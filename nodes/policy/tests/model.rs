@@ -17,7 +17,21 @@ fn numbers(count: usize, mut seed: u32, scale: f32) -> Vec<f32> {
     (0..count).map(|_| next()).collect()
 }
 
-fn network(rounds: usize) -> Network {
+/// Convolutions that end in 4 x 5 cells, and what the dense layers behind them see.
+const CONVOLVED: usize = 40 * 4 * 5 + DIRECT_FEATURES;
+
+fn convolutions() -> Vec<ConvolutionLayer> {
+    let layer = |inputs: usize, outputs: usize, stride, seed| ConvolutionLayer {
+        inputs,
+        outputs,
+        stride,
+        weight: numbers(outputs * inputs * 9, seed, 0.2),
+        bias: numbers(outputs, seed + 1, 0.1),
+    };
+    vec![layer(CROP_PLANES, 32, 1, 40), layer(32, 20, 2, 50), layer(20, 40, 2, 60)]
+}
+
+fn network(rounds: usize, convolutions: Vec<ConvolutionLayer>) -> Network {
     let kernels = |seed, scale| -> Vec<[f32; 9]> {
         numbers(90, seed, scale).chunks_exact(9).map(|k| std::array::from_fn(|i| k[i])).collect()
     };
@@ -27,13 +41,16 @@ fn network(rounds: usize) -> Network {
         weight: numbers(inputs * outputs, seed, 0.08),
         bias: numbers(outputs, seed + 1, 0.1),
     };
+    let features =
+        if convolutions.is_empty() { CROP_PLANES * CROP_CELLS + DIRECT_FEATURES } else { CONVOLVED };
     Network {
         lambda: 1.0,
         rounds,
         reward: kernels(1, 0.5),
         reward_bias: numbers(10, 2, 0.1),
         value: kernels(3, 0.2),
-        dense: vec![layer(FEATURES, 128, 10), layer(128, 64, 20), layer(64, HEAD_OUTPUTS, 30)],
+        dense: vec![layer(features, 128, 10), layer(128, 64, 20), layer(64, HEAD_OUTPUTS, 30)],
+        convolutions,
     }
 }
 
@@ -59,7 +76,11 @@ fn contract(rounds: usize) -> Contract {
 }
 
 fn model(rounds: usize) -> Vec<u8> {
-    let (network, mut contract) = (network(rounds), contract(rounds));
+    exported(rounds, convolutions())
+}
+
+fn exported(rounds: usize, convolutions: Vec<ConvolutionLayer>) -> Vec<u8> {
+    let (network, mut contract) = (network(rounds, convolutions), contract(rounds));
     contract.golden = record_golden(&to_onnx(&network, &contract), contract.golden).unwrap();
     to_onnx(&network, &contract)
 }
@@ -70,8 +91,8 @@ fn refusal(bytes: &[u8]) -> String {
 
 #[test]
 fn the_fused_operators_compute_what_plain_tract_computes() {
-    for rounds in [1, 5, 36] {
-        let bytes = model(rounds);
+    for (rounds, convolutions) in [(1, convolutions()), (5, vec![]), (36, convolutions())] {
+        let bytes = exported(rounds, convolutions);
         let mut fused = Policy::load(&bytes, "fused", &robot()).unwrap();
         let mut plain = Policy::load_plain(&bytes, "plain", &robot()).unwrap();
         assert_eq!(fused.warning(), None);
@@ -147,18 +168,18 @@ fn bytes_that_are_no_model_are_refused_and_never_panic() {
 #[test]
 fn a_wrong_answer_to_the_self_test_is_refused() {
     let mut contract = contract(3);
-    contract.golden = record_golden(&to_onnx(&network(3), &contract), contract.golden).unwrap();
+    contract.golden = record_golden(&to_onnx(&network(3, vec![]), &contract), contract.golden).unwrap();
     contract.golden.command[1] += 2e-4;
-    let text = refusal(&to_onnx(&network(3), &contract));
+    let text = refusal(&to_onnx(&network(3, vec![]), &contract));
     assert!(text.contains("self-test"), "{text}");
 }
 
 #[test]
 fn rounds_in_metadata_and_graph_must_agree() {
     let mut contract = contract(3);
-    contract.golden = record_golden(&to_onnx(&network(3), &contract), contract.golden).unwrap();
+    contract.golden = record_golden(&to_onnx(&network(3, vec![]), &contract), contract.golden).unwrap();
     contract.rounds = 36;
-    let text = refusal(&to_onnx(&network(3), &contract));
+    let text = refusal(&to_onnx(&network(3, vec![]), &contract));
     assert!(text.contains("3 in the graph") && text.contains("36 as metadata"), "{text}");
 }
 

@@ -3,7 +3,9 @@
 
 use sidestep_evaluate::*;
 use sidestep_msgs::Robot;
-use sidestep_train::{DatasetOptions, DriveProfile, Frames, Shape, TrainOptions, dataset, train};
+use sidestep_train::{
+    ConvolutionSize, DatasetOptions, DriveProfile, Frames, Shape, TrainOptions, dataset, train,
+};
 use std::path::{Path, PathBuf};
 
 fn robot() -> Robot {
@@ -37,7 +39,9 @@ fn make(out: &Path, frames: Frames, samples: u64, seed: u64) -> PathBuf {
 
 fn learn(data: &[PathBuf], out: PathBuf) -> Vec<u8> {
     let mut options = TrainOptions::standard(data.to_vec(), out.clone(), robot());
-    options.shape = Shape { channels: 10, rounds: 6, hidden: [32, 16] };
+    let convolutions =
+        &[ConvolutionSize { outputs: 8, stride: 2 }, ConvolutionSize { outputs: 16, stride: 2 }];
+    options.shape = Shape { rounds: 6, convolutions, hidden: [32, 16], ..options.shape };
     options.samples = 24_000;
     options.batch = 32;
     train(&options, &mut |_| {}).unwrap();

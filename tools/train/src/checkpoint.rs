@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use std::path::Path;
 
 /// First bytes of the file.
-const MAGIC: [u8; 8] = *b"SIDECHKP";
+const MAGIC: [u8; 8] = *b"SIDECHK2";
 
 /// What identifies a run; a checkpoint of another one is refused.
 #[repr(C)]
@@ -22,12 +22,16 @@ pub(crate) struct Identity {
     pub(crate) samples: u64,
     /// Channels, rounds, hidden sizes, batch.
     pub(crate) shape: [u32; 5],
+    /// Planes and stride of each convolution; zeros where there is none.
+    pub(crate) convolutions: [[u32; 2]; Identity::CONVOLUTIONS],
     /// Learning rate, doubt weight, label kind.
     pub(crate) options: [f32; 3],
 }
 
 impl Identity {
     pub(crate) const MAGIC: [u8; 8] = MAGIC;
+    /// Most convolutions of a run.
+    pub(crate) const CONVOLUTIONS: usize = 4;
 }
 
 /// Everything that a run keeps between steps.

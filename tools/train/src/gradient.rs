@@ -1,12 +1,12 @@
 //! Loss and gradient of a group of samples, in one fixed order of sums.
 
+use crate::head::Head;
 use crate::parameters::{LAMBDA, Shape, VALUE_SCALE, output_scale};
 use crate::planes::{Kernels, PlaneScratch, Trace, backward, forward, place};
 use crate::record::Record;
 use sidestep_msgs::{LOCAL_SIDE, Limits, Twist, clamp_to_window};
 use sidestep_policy::{
-    CROP_CELLS, CROP_COL, CROP_COLS, CROP_ROW, FEATURES, HEAD_OUTPUTS, LOG_DOUBT_RANGE, Lanes, ROBOT_COL,
-    ROBOT_ROW, goal_features,
+    CROP_COL, CROP_COLS, CROP_PLANES, CROP_ROW, LOG_DOUBT_RANGE, Lanes, ROBOT_COL, ROBOT_ROW, goal_features,
 };
 
 /// Samples whose planes are kept at once: enough for the products of the dense layers (8 cost a tenth more, 32 no less).
@@ -54,23 +54,17 @@ pub(crate) struct Worker {
     lanes: Lanes,
     traces: Vec<Trace>,
     planes: PlaneScratch,
-    /// Activations: features, two hidden layers, outputs.
-    layers: [Vec<f32>; 4],
-    /// Their gradients.
-    slopes: [Vec<f32>; 4],
+    head: Head,
 }
 
 impl Worker {
     pub(crate) fn new(shape: Shape) -> Self {
-        let sizes = [FEATURES, shape.hidden[0], shape.hidden[1], HEAD_OUTPUTS];
-        let layers = sizes.map(|size| vec![0.0; size * CHUNK]);
         Self {
             shape,
             lanes: crate::planes::lanes(),
             traces: vec![Trace::new(shape.rounds); CHUNK],
             planes: PlaneScratch::new(shape.channels),
-            slopes: layers.clone(),
-            layers,
+            head: Head::new(shape, CHUNK),
         }
     }
 
@@ -85,15 +79,17 @@ impl Worker {
         let kernels = self.kernels(parameters);
         let mut sums = Sums::default();
         for chunk in records.chunks(CHUNK) {
-            self.activate(parameters, &kernels, chunk);
             for (index, record) in chunk.iter().enumerate() {
-                let span = index * HEAD_OUTPUTS..(index + 1) * HEAD_OUTPUTS;
-                sums.add(&loss(goal, record, &self.layers[3][span.clone()], &mut self.slopes[3][span]));
+                self.plan(&kernels, index, record);
             }
-            self.head_backward(parameters, chunk.len(), gradient);
+            self.head.forward(parameters, chunk.len());
+            for (index, record) in chunk.iter().enumerate() {
+                let (output, slope) = self.head.output(index);
+                sums.add(&loss(goal, record, output, slope));
+            }
+            self.head.backward(parameters, chunk.len(), gradient);
             for index in 0..chunk.len() {
-                let slope = &self.slopes[0][index * FEATURES..][..FEATURES];
-                spread(slope, self.planes.gradient());
+                spread(self.head.crop_slopes(index), self.planes.gradient());
                 backward(self.lanes, &kernels, &self.traces[index], &mut self.planes, gradient);
             }
         }
@@ -109,75 +105,38 @@ impl Worker {
         }
     }
 
-    /// From records to outputs.
-    fn activate(&mut self, parameters: &[f32], kernels: &Kernels, chunk: &[Record]) {
-        for (index, record) in chunk.iter().enumerate() {
-            let trace = &mut self.traces[index];
-            for (cell, cost) in record.planning_cost.iter().enumerate() {
-                trace.reward_map[place(cell / LOCAL_SIDE, cell % LOCAL_SIDE)] = -f32::from(*cost) / 255.0;
-            }
-            let goal = usize::from(record.goal_cell);
-            trace.reward_map[place(goal / LOCAL_SIDE, goal % LOCAL_SIDE)] += LAMBDA;
-            forward(self.lanes, kernels, trace, &mut self.planes);
-            features(trace, record, &mut self.layers[0][index * FEATURES..][..FEATURES]);
+    /// From a record to what the head sees of it.
+    fn plan(&mut self, kernels: &Kernels, index: usize, record: &Record) {
+        let trace = &mut self.traces[index];
+        for (cell, cost) in record.planning_cost.iter().enumerate() {
+            trace.reward_map[place(cell / LOCAL_SIDE, cell % LOCAL_SIDE)] = -f32::from(*cost) / 255.0;
         }
-        for layer in 0..3 {
-            let (inputs, outputs) = self.shape.dense()[layer];
-            let (weight, bias) = self.shape.layer(layer);
-            let [from, to] = &mut self.layers[layer..layer + 2] else { continue };
-            for row in to.chunks_exact_mut(outputs) {
-                row.copy_from_slice(&parameters[bias.clone()]);
-            }
-            let (rows, columns) = ((chunk.len(), inputs), (inputs, outputs));
-            product(Matrix::rows(from, rows), Matrix::rows(&parameters[weight], columns), to);
-            if layer < 2 {
-                to.iter_mut().for_each(|value| *value = if *value > 0.0 { *value } else { 0.0 });
-            }
-        }
-    }
-
-    /// From the slopes of the outputs to those of the features and of the dense parameters.
-    fn head_backward(&mut self, parameters: &[f32], count: usize, gradient: &mut [f32]) {
-        for layer in (0..3).rev() {
-            let (inputs, outputs) = self.shape.dense()[layer];
-            let (weight, bias) = self.shape.layer(layer);
-            let [below, above] = &mut self.slopes[layer..layer + 2] else { continue };
-            let above = Matrix::rows(above, (count, outputs));
-            for row in above.data[..count * outputs].chunks_exact(outputs) {
-                gradient[bias.clone()].iter_mut().zip(row).for_each(|(sum, slope)| *sum += slope);
-            }
-            let active = Matrix::rows(&self.layers[layer], (count, inputs));
-            product(active.transposed(), above, &mut gradient[weight.clone()]);
-            below.fill(0.0);
-            product(above, Matrix::rows(&parameters[weight], (inputs, outputs)).transposed(), below);
-            if layer > 0 {
-                for (slope, value) in below.iter_mut().zip(&self.layers[layer]) {
-                    *slope = if *value > 0.0 { *slope } else { 0.0 };
-                }
-            }
-        }
+        let goal = usize::from(record.goal_cell);
+        trace.reward_map[place(goal / LOCAL_SIDE, goal % LOCAL_SIDE)] += LAMBDA;
+        forward(self.lanes, kernels, trace, &mut self.planes);
+        let [crop, direct] = self.head.input(index);
+        see(trace, crop);
+        direct[..2].copy_from_slice(&record.velocity);
+        direct[2..].copy_from_slice(&goal_features(goal));
     }
 }
 
-/// What the dense layers see of a sample.
-fn features(trace: &Trace, record: &Record, out: &mut [f32]) {
+/// The crop: V relative to the robot, and m_r, cell by cell.
+fn see(trace: &Trace, crop: &mut [f32]) {
     let value = trace.value();
     let robot = robot_places().iter().map(|index| value[*index]).sum::<f32>() * 0.25;
-    for cell in 0..CROP_CELLS {
+    for (cell, planes) in crop.chunks_exact_mut(CROP_PLANES).enumerate() {
         let from = crop_place(cell);
-        out[cell] = VALUE_SCALE * (value[from] - robot);
-        out[CROP_CELLS + cell] = trace.reward_map[from];
+        planes.copy_from_slice(&[VALUE_SCALE * (value[from] - robot), trace.reward_map[from]]);
     }
-    out[2 * CROP_CELLS..2 * CROP_CELLS + 2].copy_from_slice(&record.velocity);
-    out[2 * CROP_CELLS + 2..].copy_from_slice(&goal_features(usize::from(record.goal_cell)));
 }
 
-/// From the slopes of the features to the gradient of V.
-fn spread(slope: &[f32], gradient: &mut [f32]) {
+/// From the slopes of the crop to the gradient of V.
+fn spread(crop: &[f32], gradient: &mut [f32]) {
     gradient.fill(0.0);
     let mut total = 0.0;
-    for cell in 0..CROP_CELLS {
-        let part = VALUE_SCALE * slope[cell];
+    for (cell, planes) in crop.chunks_exact(CROP_PLANES).enumerate() {
+        let part = VALUE_SCALE * planes[0];
         gradient[crop_place(cell)] += part;
         total += part;
     }
@@ -232,59 +191,14 @@ fn loss(goal: &Goal, record: &Record, output: &[f32], slope: &mut [f32]) -> Sums
     sums
 }
 
-/// A view of numbers as rows and columns.
-#[derive(Clone, Copy)]
-struct Matrix<'a> {
-    data: &'a [f32],
-    size: (usize, usize),
-    strides: (usize, usize),
-}
-
-impl<'a> Matrix<'a> {
-    fn rows(data: &'a [f32], size: (usize, usize)) -> Self {
-        assert!(data.len() >= size.0 * size.1, "a matrix of {size:?} needs more than {} numbers", data.len());
-        Self { data, size, strides: (size.1, 1) }
-    }
-
-    fn transposed(self) -> Self {
-        Self { size: (self.size.1, self.size.0), strides: (self.strides.1, self.strides.0), ..self }
-    }
-}
-
-/// out += left * right, out row by row.
-#[allow(unsafe_code, reason = "matrixmultiply takes pointers; the sizes are checked here")]
-fn product(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32]) {
-    let ((rows, inner), columns) = (left.size, right.size.1);
-    assert!(inner == right.size.0 && out.len() >= rows * columns, "{:?} {:?}", left.size, right.size);
-    let strides = |matrix: Matrix<'_>| (matrix.strides.0 as isize, matrix.strides.1 as isize);
-    let ((row_left, column_left), (row_right, column_right)) = (strides(left), strides(right));
-    // SAFETY: both views hold their size (checked when made), and out holds rows x columns.
-    unsafe {
-        matrixmultiply::sgemm(
-            rows,
-            inner,
-            columns,
-            1.0,
-            left.data.as_ptr(),
-            row_left,
-            column_left,
-            right.data.as_ptr(),
-            row_right,
-            column_right,
-            1.0,
-            out.as_mut_ptr(),
-            columns as isize,
-            1,
-        );
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameters::ConvolutionSize;
     use crate::random::Random;
     use bytemuck::Zeroable;
     use sidestep_msgs::{LOCAL_CELLS, Robot};
+    use sidestep_policy::{Contract, Golden, record_golden, to_onnx};
 
     fn goal() -> Goal {
         let robot =
@@ -306,49 +220,93 @@ mod tests {
             .collect()
     }
 
-    const SHAPE: Shape = Shape { channels: 5, rounds: 6, hidden: [24, 16] };
+    const CONVOLUTIONS: &[ConvolutionSize] =
+        &[ConvolutionSize { outputs: 5, stride: 1 }, ConvolutionSize { outputs: 6, stride: 3 }];
+    const DENSE: Shape = Shape { channels: 5, rounds: 6, convolutions: &[], hidden: [24, 16] };
 
-    fn evaluate(parameters: &[f32], records: &[Record]) -> (f64, Vec<f32>) {
-        let mut gradient = vec![0.0; SHAPE.count()];
-        let sums = Worker::new(SHAPE).group(parameters, &goal(), records, &mut gradient);
+    fn evaluate(shape: Shape, parameters: &[f32], records: &[Record]) -> (f64, Vec<f32>) {
+        let mut gradient = vec![0.0; shape.count()];
+        let sums = Worker::new(shape).group(parameters, &goal(), records, &mut gradient);
         (sums.loss, gradient)
     }
 
     /// Compares slopes along random directions, one block of parameters at a time, with finite differences.
     #[test]
     fn the_gradient_is_the_slope_of_the_loss() {
-        let mut parameters = SHAPE.initial(5);
-        let mut random = Random::new(11, 0);
-        parameters.iter_mut().for_each(|value| *value += 0.03 * random.normal());
-        let records = records(3);
-        let (_, gradient) = evaluate(&parameters, &records);
-        let blocks = [
-            SHAPE.reward(),
-            SHAPE.reward_bias(),
-            SHAPE.value(),
-            SHAPE.layer(0).0,
-            SHAPE.layer(1).0,
-            SHAPE.layer(2).0,
-            SHAPE.layer(0).1,
-            SHAPE.layer(2).1,
-        ];
-        for block in blocks {
-            let direction: Vec<f32> =
-                block.clone().map(|index| gradient[index].signum() * random.unit()).collect();
-            let along = |step: f32| {
-                let mut moved = parameters.clone();
-                moved[block.clone()].iter_mut().zip(&direction).for_each(|(value, d)| *value += step * d);
-                evaluate(&moved, &records).0
-            };
-            // Small enough that few of the kinks of max and ReLU lie within it.
-            let step = 6e-5;
-            let measured = (along(step) - along(-step)) / f64::from(2.0 * step);
-            let claimed: f64 =
-                direction.iter().zip(&gradient[block.clone()]).map(|(d, g)| f64::from(d * g)).sum();
-            assert!(
-                (measured - claimed).abs() < 0.01 * claimed.abs() + 2e-4,
-                "{block:?}: {measured} {claimed}"
-            );
+        for shape in [DENSE, Shape { convolutions: CONVOLUTIONS, ..DENSE }] {
+            let mut parameters = shape.initial(5);
+            let mut random = Random::new(11, 0);
+            parameters.iter_mut().for_each(|value| *value += 0.03 * random.normal());
+            let records = records(3);
+            let (_, gradient) = evaluate(shape, &parameters, &records);
+            let layers = (0..shape.convolutions.len()).map(|index| shape.convolution(index));
+            let layers = layers.chain((0..3).map(|index| shape.layer(index)));
+            let blocks = [shape.reward(), shape.reward_bias(), shape.value()]
+                .into_iter()
+                .chain(layers.flat_map(|(weight, bias)| [weight, bias]));
+            for block in blocks {
+                let direction: Vec<f32> =
+                    block.clone().map(|index| gradient[index].signum() * random.unit()).collect();
+                let along = |step: f32| {
+                    let mut moved = parameters.clone();
+                    moved[block.clone()].iter_mut().zip(&direction).for_each(|(value, d)| *value += step * d);
+                    evaluate(shape, &moved, &records).0
+                };
+                // Small enough that few of the kinks of max and ReLU lie within it; more parameters move further.
+                let step = 6e-5 / (1.0 + block.len() as f32 / 2000.0);
+                let measured = (along(step) - along(-step)) / f64::from(2.0 * step);
+                let claimed: f64 =
+                    direction.iter().zip(&gradient[block.clone()]).map(|(d, g)| f64::from(d * g)).sum();
+                assert!(
+                    (measured - claimed).abs() < 0.01 * claimed.abs() + 2e-4,
+                    "{block:?}: {measured} {claimed}"
+                );
+            }
+        }
+    }
+
+    /// Asks the exported model, run by an engine of its own, what the head answers here.
+    #[test]
+    fn the_exported_model_answers_what_was_trained() {
+        let (records, limits) = (records(2), goal().limits);
+        for shape in [DENSE, Shape { convolutions: CONVOLUTIONS, ..DENSE }] {
+            let mut parameters = shape.initial(5);
+            let mut random = Random::new(12, 0);
+            parameters.iter_mut().for_each(|value| *value += 0.03 * random.normal());
+            let mut worker = Worker::new(shape);
+            worker.group(&parameters, &goal(), &records, &mut vec![0.0; shape.count()]);
+            for (index, record) in records.iter().enumerate() {
+                let contract = contract(shape.rounds, record);
+                let onnx = to_onnx(&shape.network(&parameters, &limits), &contract);
+                let answer = record_golden(&onnx, contract.golden).unwrap();
+                let (output, _) = worker.head.output(index);
+                for axis in 0..2 {
+                    let command = record.velocity[axis] + output_scale(&limits)[axis] * output[axis];
+                    assert!((answer.command[axis] - command).abs() < 1e-4, "{:?} {output:?}", answer.command);
+                    let log = output[2 + axis].clamp(LOG_DOUBT_RANGE.0, LOG_DOUBT_RANGE.1);
+                    assert!((answer.doubt[axis] - libm::expf(log)).abs() < 1e-4, "{:?}", answer.doubt);
+                }
+            }
+        }
+    }
+
+    fn contract(rounds: usize, record: &Record) -> Contract {
+        let golden = Golden {
+            planning_cost: record.planning_cost,
+            goal_cell: record.goal_cell.into(),
+            velocity: record.twist(),
+            command: [0.0; 2],
+            doubt: [0.0; 2],
+        };
+        Contract {
+            rounds,
+            robot: "loomo".into(),
+            robot_hash: 0,
+            motion_hash: 0,
+            window_s: 0.3,
+            dataset_hash: 0,
+            samples_seen: 0,
+            golden,
         }
     }
 

@@ -6,6 +6,7 @@
 
 mod artificial;
 mod checkpoint;
+mod convolution;
 mod demonstration;
 mod difference;
 mod drives;
@@ -13,7 +14,9 @@ mod error;
 mod frozen;
 mod generate;
 mod gradient;
+mod head;
 mod label;
+mod matrix;
 mod mixture;
 mod optimiser;
 mod parameters;
@@ -34,7 +37,7 @@ pub use frozen::{FROZEN_SETS, FrozenSet, frozen_sets};
 pub use generate::{DatasetOptions, Frames, dataset};
 pub use mixture::Mixture;
 pub use optimiser::Schedule;
-pub use parameters::Shape;
+pub use parameters::{ConvolutionSize, Shape};
 pub use random::Random;
 pub use record::{Dataset, Header, MAGIC, PARTLY_UNKNOWN, RECORDS_AT, Record, Source, VERSION};
 pub use trainer::{Progress, TrainOptions, TrainReport, train};

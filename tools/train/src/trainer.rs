@@ -8,7 +8,7 @@ use crate::error::TrainError;
 use crate::gradient::{Goal, Sums, Worker};
 use crate::mixture::Mixture;
 use crate::optimiser::{Adam, Schedule};
-use crate::parameters::Shape;
+use crate::parameters::{ConvolutionSize, Shape};
 use crate::random::Random;
 use crate::record::Record;
 use sidestep_msgs::{Robot, Twist, WINDOW_S};
@@ -65,7 +65,7 @@ impl TrainOptions {
             rate: 2e-3,
             doubt_weight: 0.02,
             plain_labels: false,
-            shape: Shape { channels: 10, rounds: 36, hidden: [512, 256] },
+            shape: Shape::STANDARD,
             robot,
         }
     }
@@ -183,6 +183,12 @@ fn check(options: &TrainOptions, data: &Mixture) -> Result<(), TrainError> {
     if !(1..=32).contains(&shape.channels) || !(1..=1000).contains(&shape.rounds) {
         return unfit("shape", format!("{shape:?}"), "1 to 32 channels, 1 to 1000 rounds");
     }
+    let too_many = shape.convolutions.len() > Identity::CONVOLUTIONS;
+    let fits = |size: &ConvolutionSize| (1..=256).contains(&size.outputs) && (1..=4).contains(&size.stride);
+    if too_many || !shape.convolutions.iter().all(fits) {
+        let found = format!("{:?}", shape.convolutions);
+        return unfit("convolutions", found, "at most 4, of 1 to 256 planes, of stride 1 to 4");
+    }
     if shape.hidden.iter().any(|size| !(1..=4096).contains(size)) {
         return unfit("hidden", format!("{:?}", shape.hidden), "1 to 4096 each");
     }
@@ -202,6 +208,10 @@ fn check(options: &TrainOptions, data: &Mixture) -> Result<(), TrainError> {
 
 fn identity(options: &TrainOptions, data: &Mixture) -> Identity {
     let shape = options.shape;
+    let mut convolutions = [[0; 2]; Identity::CONVOLUTIONS];
+    for (place, size) in convolutions.iter_mut().zip(shape.convolutions) {
+        *place = [size.outputs, size.stride].map(|size| size as u32);
+    }
     let sizes = [shape.channels, shape.rounds, shape.hidden[0], shape.hidden[1], options.batch];
     Identity {
         magic: Identity::MAGIC,
@@ -210,6 +220,7 @@ fn identity(options: &TrainOptions, data: &Mixture) -> Identity {
         seed: options.seed,
         samples: options.samples,
         shape: sizes.map(|size| size as u32),
+        convolutions,
         options: [options.rate, options.doubt_weight, f32::from(u8::from(options.plain_labels))],
     }
 }

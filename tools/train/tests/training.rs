@@ -34,9 +34,12 @@ fn make(out: &Path, samples: u64, seed: u64, threads: usize) -> Header {
     dataset(&options, &mut |_| {}).unwrap()
 }
 
+const SMALL: &[ConvolutionSize] =
+    &[ConvolutionSize { outputs: 8, stride: 2 }, ConvolutionSize { outputs: 12, stride: 2 }];
+
 fn options(folder: &Folder, out: &str) -> TrainOptions {
     let mut options = TrainOptions::standard(vec![folder.file("data")], folder.file(out), robot());
-    options.shape = Shape { channels: 10, rounds: 6, hidden: [32, 16] };
+    options.shape = Shape { rounds: 6, convolutions: SMALL, hidden: [32, 16], ..options.shape };
     options.samples = 640;
     options.batch = 32;
     options
@@ -141,11 +144,14 @@ fn what_is_no_dataset_is_refused_with_what_is_needed() {
 fn a_model_has_the_same_bytes_for_any_number_of_threads() {
     let folder = Folder::new("model");
     make(&folder.file("data"), 200, 2, 2);
-    let one = TrainOptions { threads: 1, ..options(&folder, "one") };
-    let four = TrainOptions { threads: 4, ..options(&folder, "four") };
-    train(&one, &mut |_| {}).unwrap();
-    train(&four, &mut |_| {}).unwrap();
-    assert_eq!(bytes(&one.out), bytes(&four.out));
+    for convolutions in [SMALL, &[]] {
+        let mut one = TrainOptions { threads: 1, ..options(&folder, "one") };
+        one.shape.convolutions = convolutions;
+        let four = TrainOptions { threads: 4, out: folder.file("four"), ..one.clone() };
+        train(&one, &mut |_| {}).unwrap();
+        train(&four, &mut |_| {}).unwrap();
+        assert_eq!(bytes(&one.out), bytes(&four.out));
+    }
 }
 
 #[test]
@@ -169,8 +175,11 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
     train(&broken, &mut |_| {}).unwrap();
     assert_eq!(bytes(&whole.out), bytes(&broken.out));
     assert_eq!(first, bytes(&folder.file("checkpoint")));
-    let other = TrainOptions { rate: 1e-3, ..broken };
-    assert!(train(&other, &mut |_| {}).unwrap_err().to_string().contains("another run"));
+    let mut others = [TrainOptions { rate: 1e-3, ..broken.clone() }, broken.clone()];
+    others[1].shape.convolutions = &[SMALL[0], ConvolutionSize { stride: 1, ..SMALL[1] }];
+    for other in others {
+        assert!(train(&other, &mut |_| {}).unwrap_err().to_string().contains("another run"));
+    }
 }
 
 #[test]
@@ -180,6 +189,16 @@ fn options_that_make_no_sense_are_named() {
     let refuse = |options: TrainOptions| train(&options, &mut |_| {}).unwrap_err().to_string();
     assert!(refuse(TrainOptions { batch: 10, ..options(&folder, "m") }).contains("multiple of 4"));
     assert!(refuse(TrainOptions { rate: f32::NAN, ..options(&folder, "m") }).contains("rate is NaN"));
+    let sizes: [&[ConvolutionSize]; 3] = [
+        &[SMALL[0]; 5],
+        &[ConvolutionSize { stride: 0, ..SMALL[0] }],
+        &[SMALL[0], ConvolutionSize { outputs: 300, ..SMALL[1] }],
+    ];
+    for convolutions in sizes {
+        let mut options = options(&folder, "m");
+        options.shape.convolutions = convolutions;
+        assert!(refuse(options).contains("needed: at most 4, of 1 to 256 planes, of stride 1 to 4"));
+    }
     let mut robot = robot();
     robot.limits.turn_rad_s = 1.0;
     assert!(refuse(TrainOptions { robot, ..options(&folder, "m") }).contains("motion hash"));
