@@ -1,7 +1,7 @@
 //! Time of one inference, fused and in plain tract, and of the kernels alone.
 
 use sidestep_msgs::{LOCAL_CELLS, Robot, Twist};
-use sidestep_policy::{Lanes, Policy, ValueIteration, ValueScratch, embedded};
+use sidestep_policy::*;
 
 fn main() {
     divan::main();
@@ -28,6 +28,45 @@ fn policy(bencher: divan::Bencher<'_, '_>) {
     bencher.bench_local(|| policy.infer(divan::black_box(&map), goal, twist));
 }
 
+/// Convolutions, and dense layers behind them, of the size that `sidestep train` makes; only the numbers are made up.
+fn head() -> (Vec<ConvolutionLayer>, Vec<DenseLayer>) {
+    let numbers = |count: usize, scale: f32| -> Vec<f32> {
+        (0..count).map(|index| scale * ((index * 7919 % 1000) as f32 / 500.0 - 1.0)).collect()
+    };
+    let convolution = |inputs: usize, outputs: usize, stride| {
+        let (weight, bias) = (numbers(9 * inputs * outputs, 0.1), numbers(outputs, 0.1));
+        ConvolutionLayer { inputs, outputs, stride, weight, bias }
+    };
+    let dense = |inputs: usize, outputs: usize| DenseLayer {
+        inputs,
+        outputs,
+        weight: numbers(inputs * outputs, 0.05),
+        bias: numbers(outputs, 0.1),
+    };
+    let convolutions = vec![convolution(CROP_PLANES, 32, 1), convolution(32, 64, 2), convolution(64, 64, 2)];
+    let features = 64 * 4 * 5 + DIRECT_FEATURES;
+    (convolutions, vec![dense(features, 256), dense(256, 128), dense(128, HEAD_OUTPUTS)])
+}
+
+fn with_convolutions() -> Option<Policy> {
+    let robot = robot()?;
+    let mut contract = Policy::load(embedded(), "embedded", &robot).ok()?.contract().clone();
+    let (reward, value) = kernels();
+    let (convolutions, dense) = head();
+    let reward_bias = vec![0.0; reward.len()];
+    let network =
+        Network { lambda: 1.0, rounds: contract.rounds, reward, reward_bias, value, convolutions, dense };
+    contract.golden = record_golden(&to_onnx(&network, &contract), contract.golden).ok()?;
+    Policy::load(&to_onnx(&network, &contract), "made up", &robot).ok()
+}
+
+#[divan::bench(sample_count = 2000)]
+fn policy_with_convolutions(bencher: divan::Bencher<'_, '_>) {
+    let Some(mut policy) = with_convolutions() else { return };
+    let (map, goal, twist) = question();
+    bencher.bench_local(|| policy.infer(divan::black_box(&map), goal, twist));
+}
+
 #[divan::bench(sample_count = 100)]
 fn policy_in_plain_tract(bencher: divan::Bencher<'_, '_>) {
     let plain = robot().and_then(|robot| Policy::load_plain(embedded(), "embedded", &robot).ok());
@@ -36,15 +75,32 @@ fn policy_in_plain_tract(bencher: divan::Bencher<'_, '_>) {
     bencher.bench_local(|| policy.infer(divan::black_box(&map), goal, twist));
 }
 
-#[divan::bench(args = Lanes::available(), sample_count = 1000)]
-fn value_iteration(bencher: divan::Bencher<'_, '_>, lanes: Lanes) {
+/// Kernels of rewards and of values that plan.
+fn kernels() -> (Vec<[f32; 9]>, Vec<[f32; 9]>) {
     let kernel = |q: usize| std::array::from_fn(|tap| if tap == q % 9 { 0.95 } else { 0.01 });
     let kernels: Vec<[f32; 9]> = (0..10).map(kernel).collect();
-    let weights = ValueIteration { reward: kernels.clone(), bias: vec![0.0; 10], value: kernels, rounds: 36 };
+    (kernels.clone(), kernels)
+}
+
+#[divan::bench(args = Lanes::available(), sample_count = 1000)]
+fn value_iteration(bencher: divan::Bencher<'_, '_>, lanes: Lanes) {
+    let (reward, value) = kernels();
+    let weights = ValueIteration { reward, bias: vec![0.0; 10], value, rounds: 36 };
     let (mut scratch, mut out) = (ValueScratch::new(10), [0.0; LOCAL_CELLS]);
     let map = question().0.map(|byte| -f32::from(byte) / 255.0);
     bencher.bench_local(|| {
         weights.run(lanes, divan::black_box(&map), &mut scratch, &mut out);
+        out[0]
+    });
+}
+
+#[divan::bench(args = Lanes::available(), sample_count = 1000)]
+fn convolutions(bencher: divan::Bencher<'_, '_>, lanes: Lanes) {
+    let chain = ConvolutionChain::new(&head().0, [CROP_ROWS, CROP_COLS]);
+    let (mut scratch, mut out) = (chain.scratch(), vec![0.0; chain.shape().iter().product()]);
+    let planes = [vec![0.3; CROP_CELLS], vec![-0.2; CROP_CELLS]];
+    bencher.bench_local(|| {
+        chain.run(lanes, [divan::black_box(&planes[0]), &planes[1]], &mut scratch, &mut out);
         out[0]
     });
 }

@@ -1,15 +1,17 @@
-//! Finds the two blocks of an ONNX graph that have a fused operator, and puts that operator in their place.
+//! Finds the blocks of an ONNX graph that have a fused operator, and puts that operator in their place.
 //!
-//! The file holds standard operators only: value iteration unrolled, dense layers as Gemm and Relu. What does not
-//! have exactly that form stays as it is and runs in plain tract, correct but slow.
+//! The file holds standard operators only: value iteration unrolled, convolutions as Conv and Relu, dense layers as Gemm
+//! and Relu. What does not have exactly that form stays as it is and runs in plain tract, correct but slow.
 
 use crate::kernels::ValueIteration;
-use crate::network::{DenseLayer, HEAD_OUTPUTS};
+use crate::network::{CROP_COLS, CROP_PLANES, CROP_ROWS, ConvolutionLayer, DenseLayer, HEAD_OUTPUTS};
 use sidestep_msgs::{LOCAL_CELLS, LOCAL_SIDE};
 use tract_onnx::pb::{AttributeProto, GraphProto, NodeProto, TensorProto};
 
 /// Operator name of the fused value iteration.
 pub(crate) const VALUE_ITERATION: &str = "SidestepValueIteration";
+/// Operator name of the fused convolutions.
+pub(crate) const CONVOLUTIONS: &str = "SidestepConvolutions";
 /// Operator name of the fused dense layers.
 pub(crate) const HEAD: &str = "SidestepHead";
 
@@ -20,6 +22,17 @@ pub(crate) struct ValueBlock {
     pub(crate) iteration: ValueIteration,
     /// Name of m_r.
     pub(crate) input: String,
+    /// Positions of its nodes.
+    nodes: Vec<usize>,
+}
+
+/// The convolutions as found.
+#[derive(Debug)]
+pub(crate) struct ConvolutionBlock {
+    /// From the crops on.
+    pub(crate) layers: Vec<ConvolutionLayer>,
+    /// Names of the crops.
+    pub(crate) inputs: Vec<String>,
     /// Positions of its nodes.
     nodes: Vec<usize>,
 }
@@ -90,25 +103,10 @@ impl<'a> View<'a> {
 
     /// 3x3 kernels of a Conv with unit stride and a border of zeros.
     fn kernels(&self, node: &NodeProto) -> Result<Vec<[f32; 9]>, String> {
-        let name = &node.name;
-        for attribute in &node.attribute {
-            let expected: &[i64] = match attribute.name.as_str() {
-                "pads" => &[1, 1, 1, 1],
-                "kernel_shape" => &[3, 3],
-                "strides" | "dilations" => &[1, 1],
-                "group" if attribute.i == 1 => continue,
-                other => return Err(format!("Conv \"{name}\" has {other} = {}", attribute.i)),
-            };
-            if attribute.ints != expected {
-                return Err(format!("Conv \"{name}\" has {} = {:?}", attribute.name, attribute.ints));
-            }
-        }
-        if !node.attribute.iter().any(|attribute| attribute.name == "pads") {
-            return Err(format!("Conv \"{name}\" has no border"));
-        }
+        let (name, stride) = (&node.name, bordered_stride(node)?);
         let channels = self.constant(&node.input[1])?.dims.first().copied().unwrap_or(0);
-        if !(1..=64).contains(&channels) {
-            return Err(format!("Conv \"{name}\" has {channels} channels, not 1 to 64"));
+        if !(1..=64).contains(&channels) || stride != 1 {
+            return Err(format!("Conv \"{name}\" has {channels} channels, not 1 to 64, or stride {stride}"));
         }
         let weights = self.floats(&node.input[1], &[channels, 1, 3, 3])?;
         let kernel = |chunk: &[f32]| std::array::from_fn(|tap| chunk[tap]);
@@ -159,6 +157,69 @@ impl<'a> View<'a> {
         self.require_private(&nodes, &["vi/value"])?;
         let iteration = ValueIteration { reward: reward_kernels, bias, value, rounds };
         Ok(ValueBlock { iteration, input: reward.input[0].clone(), nodes })
+    }
+
+    /// The block from the two crops to `convolved`; `None` where nothing but value iteration convolves.
+    ///
+    /// # Errors
+    /// Where it differs from the form written by the exporter.
+    pub(crate) fn convolution_block(&self) -> Result<Option<ConvolutionBlock>, String> {
+        let planning = |node: &NodeProto| node.output.iter().all(|name| name.starts_with("vi/"));
+        if self.graph.node.iter().all(|node| node.op_type != "Conv" || planning(node)) {
+            return Ok(None);
+        }
+        let (mut nodes, mut layers) = (Vec::new(), Vec::new());
+        let mut current = "convolved";
+        while let Ok((relu_index, relu)) = self.step(current, "Relu", 1) {
+            let (conv_index, conv) = self.step(&relu.input[0], "Conv", 3)?;
+            layers.insert(0, self.convolution(conv)?);
+            nodes.extend([relu_index, conv_index]);
+            current = &conv.input[0];
+            if layers.len() > 64 {
+                return Err("the convolutions do not end".into());
+            }
+        }
+        let (concat_index, concat) = self.step(current, "Concat", CROP_PLANES)?;
+        nodes.push(concat_index);
+        if concat.attribute.iter().any(|a| a.name != "axis" || a.i != 1) {
+            return Err(format!("\"{current}\" does not join planes"));
+        }
+        concat.input.iter().try_for_each(|plane| self.require_crop(plane))?;
+        let joined = layers.windows(2).all(|pair| pair[0].outputs == pair[1].inputs);
+        if !joined || layers.first().is_none_or(|layer| layer.inputs != CROP_PLANES) {
+            return Err("the convolutions do not fit each other".into());
+        }
+        self.require_private(&nodes, &["convolved"])?;
+        Ok(Some(ConvolutionBlock { layers, inputs: concat.input.clone(), nodes }))
+    }
+
+    fn convolution(&self, conv: &NodeProto) -> Result<ConvolutionLayer, String> {
+        let dims = &self.constant(&conv.input[1])?.dims;
+        let &[outputs, inputs, 3, 3] = dims.as_slice() else {
+            return Err(format!("\"{}\" has shape {dims:?}", conv.input[1]));
+        };
+        if ![outputs, inputs].iter().all(|planes| (1..=1024).contains(planes)) {
+            return Err(format!("Conv \"{}\" has {inputs} and {outputs} planes, not 1 to 1024", conv.name));
+        }
+        Ok(ConvolutionLayer {
+            inputs: inputs as usize,
+            outputs: outputs as usize,
+            stride: bordered_stride(conv)?,
+            weight: self.floats(&conv.input[1], &[outputs, inputs, 3, 3])?,
+            bias: self.floats(&conv.input[2], &[outputs])?,
+        })
+    }
+
+    /// One plane of the size of the crop, cut out or that less a number.
+    fn require_crop(&self, name: &str) -> Result<(), String> {
+        let cut = self.step(name, "Sub", 2).map_or(name, |(_, sub)| &sub.input[0]);
+        let (_, slice) = self.step(cut, "Slice", 4)?;
+        let (from, to) = (self.integers(&slice.input[1])?, self.integers(&slice.input[2])?);
+        let size: Vec<i64> = to.iter().zip(&from).map(|(to, from)| to.saturating_sub(*from)).collect();
+        let whole = size == [CROP_ROWS as i64, CROP_COLS as i64] && self.integers(&slice.input[3])? == [2, 3];
+        whole
+            .then_some(())
+            .ok_or_else(|| format!("\"{cut}\" is not a crop of {CROP_ROWS} x {CROP_COLS} cells"))
     }
 
     /// The dense layers that end in `command` and `doubt`.
@@ -237,6 +298,32 @@ impl<'a> View<'a> {
     }
 }
 
+/// Stride of a 3x3 Conv with a border of zeros.
+fn bordered_stride(node: &NodeProto) -> Result<usize, String> {
+    let (name, mut stride) = (&node.name, 1);
+    for attribute in &node.attribute {
+        let expected: &[i64] = match attribute.name.as_str() {
+            "pads" => &[1, 1, 1, 1],
+            "kernel_shape" => &[3, 3],
+            "dilations" => &[1, 1],
+            "strides" => {
+                stride =
+                    attribute.ints.first().copied().filter(|stride| (1..=4).contains(stride)).unwrap_or(1);
+                &[stride, stride]
+            }
+            "group" if attribute.i == 1 => continue,
+            other => return Err(format!("Conv \"{name}\" has {other} = {}", attribute.i)),
+        };
+        if attribute.ints != expected {
+            return Err(format!("Conv \"{name}\" has {} = {:?}", attribute.name, attribute.ints));
+        }
+    }
+    if !node.attribute.iter().any(|attribute| attribute.name == "pads") {
+        return Err(format!("Conv \"{name}\" has no border"));
+    }
+    Ok(stride as usize)
+}
+
 fn require_channel_maximum(node: &NodeProto) -> Result<(), String> {
     let over_channels = node.attribute.iter().any(|a| a.name == "axes" && a.ints == [1]);
     let keeps = node.attribute.iter().all(|a| a.name != "keepdims" || a.i == 1);
@@ -258,46 +345,73 @@ fn float_values(tensor: &TensorProto) -> Option<Vec<f32>> {
 }
 
 /// Puts the fused operators in the place of the blocks found.
-pub(crate) fn replace(graph: &mut GraphProto, value: Option<&ValueBlock>, head: Option<&HeadBlock>) {
-    let mut removed: Vec<usize> = Vec::new();
-    let mut fused = Vec::new();
-    if let Some(block) = value {
-        removed.extend(&block.nodes);
-        let flat = |kernels: &[[f32; 9]]| kernels.iter().flatten().copied().collect::<Vec<f32>>();
-        let attribute = vec![
-            floats("reward", flat(&block.iteration.reward)),
-            floats("bias", block.iteration.bias.clone()),
-            floats("value", flat(&block.iteration.value)),
-            integers("rounds", vec![block.iteration.rounds as i64]),
-        ];
-        fused.push(node(VALUE_ITERATION, &[&block.input], &["vi/value"], attribute));
-    }
-    if let Some(block) = head {
-        removed.extend(&block.nodes);
-        let sizes = block.layers.iter().flat_map(|l| [l.inputs as i64, l.outputs as i64]).collect();
-        let mut attribute =
-            vec![integers("sizes", sizes), floats("log_range", vec![block.log_range.0, block.log_range.1])];
-        for layer in &block.layers {
-            attribute.push(floats("weight", layer.weight.clone()));
-            attribute.push(floats("bias", layer.bias.clone()));
-        }
-        fused.push(node(HEAD, &[&block.input, "velocity"], &["command", "doubt"], attribute));
-    }
+pub(crate) fn replace(
+    graph: &mut GraphProto,
+    value: Option<ValueBlock>,
+    convolutions: Option<ConvolutionBlock>,
+    head: Option<HeadBlock>,
+) {
+    let blocks = [
+        value.map(ValueBlock::into_operator),
+        convolutions.map(ConvolutionBlock::into_operator),
+        head.map(HeadBlock::into_operator),
+    ];
+    let (removed, fused): (Vec<Vec<usize>>, Vec<NodeProto>) = blocks.into_iter().flatten().unzip();
     let mut index = 0;
     graph.node.retain(|_| {
         index += 1;
-        !removed.contains(&(index - 1))
+        !removed.iter().flatten().any(|removed| *removed == index - 1)
     });
     graph.node.extend(fused);
     let used: Vec<String> = graph.node.iter().flat_map(|node| node.input.clone()).collect();
     graph.initializer.retain(|tensor| used.contains(&tensor.name));
 }
 
-fn node(kind: &str, inputs: &[&str], outputs: &[&str], attribute: Vec<AttributeProto>) -> NodeProto {
+impl ValueBlock {
+    /// The nodes that go, and what comes in their place.
+    fn into_operator(self) -> (Vec<usize>, NodeProto) {
+        let flat = |kernels: &[[f32; 9]]| kernels.iter().flatten().copied().collect::<Vec<f32>>();
+        let attribute = vec![
+            floats("reward", flat(&self.iteration.reward)),
+            floats("bias", self.iteration.bias),
+            floats("value", flat(&self.iteration.value)),
+            integers("rounds", vec![self.iteration.rounds as i64]),
+        ];
+        (self.nodes, node(VALUE_ITERATION, vec![self.input], &["vi/value"], attribute))
+    }
+}
+
+impl ConvolutionBlock {
+    /// As [`ValueBlock::into_operator`].
+    fn into_operator(self) -> (Vec<usize>, NodeProto) {
+        let sizes = self.layers.iter().flat_map(|l| [l.inputs, l.outputs, l.stride].map(|size| size as i64));
+        let mut attribute = vec![integers("sizes", sizes.collect())];
+        for layer in self.layers {
+            attribute.extend([floats("weight", layer.weight), floats("bias", layer.bias)]);
+        }
+        (self.nodes, node(CONVOLUTIONS, self.inputs, &["convolved"], attribute))
+    }
+}
+
+impl HeadBlock {
+    /// As [`ValueBlock::into_operator`].
+    fn into_operator(self) -> (Vec<usize>, NodeProto) {
+        let sizes = self.layers.iter().flat_map(|l| [l.inputs as i64, l.outputs as i64]).collect();
+        let mut attribute =
+            vec![integers("sizes", sizes), floats("log_range", vec![self.log_range.0, self.log_range.1])];
+        for layer in self.layers {
+            attribute.extend([floats("weight", layer.weight), floats("bias", layer.bias)]);
+        }
+        let inputs = vec![self.input, "velocity".into()];
+        (self.nodes, node(HEAD, inputs, &["command", "doubt"], attribute))
+    }
+}
+
+fn node(kind: &str, inputs: Vec<String>, outputs: &[&str], attribute: Vec<AttributeProto>) -> NodeProto {
     NodeProto {
         op_type: kind.into(),
         name: kind.into(),
-        input: inputs.iter().map(|s| (*s).to_owned()).collect(),
+        input: inputs,
         output: outputs.iter().map(|s| (*s).to_owned()).collect(),
         attribute,
         ..NodeProto::default()

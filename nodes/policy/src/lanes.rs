@@ -73,6 +73,16 @@ impl Lanes {
         if self.0 == Kind::Plain { "unfused" } else { "fused" }
     }
 
+    /// Floats that one vector register holds.
+    #[must_use]
+    pub fn floats(self) -> usize {
+        match self.0 {
+            Kind::Avx512 => 16,
+            Kind::Avx2 => 8,
+            Kind::Neon | Kind::Plain => 4,
+        }
+    }
+
     /// What was chosen; for [`on_lanes!`](crate::on_lanes) only.
     #[doc(hidden)]
     #[must_use]

@@ -15,6 +15,7 @@ mod convolution;
 mod error;
 mod export;
 mod graph;
+mod head_convolutions;
 mod kept_maps;
 mod kernels;
 mod network;
@@ -27,6 +28,7 @@ pub use contract::{Contract, Golden, fingerprint};
 pub use convolution::{ROW_CELLS, convolve};
 pub use error::ModelError;
 pub use export::to_onnx;
+pub use head_convolutions::{ConvolutionChain, ConvolutionScratch};
 pub use kept_maps::KeptMaps;
 pub use kernels::{DenseChain, DenseScratch, ValueIteration, ValueScratch};
 #[doc(hidden)]

@@ -1,9 +1,10 @@
-//! The two fused tract operators: value iteration, and the dense layers with command and doubt.
+//! The fused tract operators: value iteration, convolutions, and the dense layers with command and doubt.
 
-use crate::graph::{HEAD, PLANE, VALUE_ITERATION};
+use crate::graph::{CONVOLUTIONS, HEAD, PLANE, VALUE_ITERATION};
+use crate::head_convolutions::{ConvolutionChain, ConvolutionScratch};
 use crate::kernels::{DenseChain, DenseScratch, ValueIteration, ValueScratch};
 use crate::lanes::Lanes;
-use crate::network::DenseLayer;
+use crate::network::{CROP_COLS, CROP_ROWS, ConvolutionLayer, DenseLayer};
 use std::sync::{Arc, Mutex, PoisonError};
 use tract_onnx::model::{Onnx, ParsingContext};
 use tract_onnx::pb::NodeProto;
@@ -15,6 +16,14 @@ struct ValueOperator {
     iteration: Arc<ValueIteration>,
     lanes: Lanes,
     scratch: Arc<Mutex<ValueScratch>>,
+}
+
+/// Planes from the crops of V and m_r.
+#[derive(Debug, Clone)]
+struct ConvolutionOperator {
+    chain: Arc<ConvolutionChain>,
+    lanes: Lanes,
+    scratch: Arc<Mutex<ConvolutionScratch>>,
 }
 
 /// Command and doubt from features and u'.
@@ -33,6 +42,12 @@ impl PartialEq for ValueOperator {
     }
 }
 impl Eq for ValueOperator {}
+impl PartialEq for ConvolutionOperator {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.chain, &other.chain)
+    }
+}
+impl Eq for ConvolutionOperator {}
 impl PartialEq for HeadOperator {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.chain, &other.chain)
@@ -40,9 +55,10 @@ impl PartialEq for HeadOperator {
 }
 impl Eq for HeadOperator {}
 
-/// Teaches tract the two operators.
+/// Teaches tract the operators.
 pub(crate) fn register(onnx: &mut Onnx) {
     onnx.op_register.insert(VALUE_ITERATION, build_value);
+    onnx.op_register.insert(CONVOLUTIONS, build_convolutions);
     onnx.op_register.insert(HEAD, build_head);
 }
 
@@ -64,14 +80,34 @@ fn build_value(_: &ParsingContext, node: &NodeProto) -> Built {
     Ok((Box::new(operator), vec![]))
 }
 
+/// Weight and bias of each layer.
+fn weights(node: &NodeProto) -> impl Iterator<Item = (Vec<f32>, Vec<f32>)> {
+    let values = move |name| node.attribute.iter().filter(move |a| a.name == name).map(|a| a.floats.clone());
+    values("weight").zip(values("bias"))
+}
+
+fn build_convolutions(_: &ParsingContext, node: &NodeProto) -> Built {
+    let layers: Vec<ConvolutionLayer> = integers(node, "sizes")?
+        .chunks_exact(3)
+        .zip(weights(node))
+        .map(|(size, (weight, bias))| ConvolutionLayer {
+            inputs: size[0] as usize,
+            outputs: size[1] as usize,
+            stride: size[2] as usize,
+            weight,
+            bias,
+        })
+        .collect();
+    let chain = ConvolutionChain::new(&layers, [CROP_ROWS, CROP_COLS]);
+    let scratch = Arc::new(Mutex::new(chain.scratch()));
+    let operator = ConvolutionOperator { chain: Arc::new(chain), lanes: Lanes::detect(), scratch };
+    Ok((Box::new(operator), vec![]))
+}
+
 fn build_head(_: &ParsingContext, node: &NodeProto) -> Built {
-    let values =
-        |name: &str| node.attribute.iter().filter(|a| a.name == name).map(|a| a.floats.clone()).collect();
-    let (weights, biases): (Vec<Vec<f32>>, Vec<Vec<f32>>) = (values("weight"), values("bias"));
-    let sizes = integers(node, "sizes")?;
-    let layers: Vec<DenseLayer> = sizes
+    let layers: Vec<DenseLayer> = integers(node, "sizes")?
         .chunks_exact(2)
-        .zip(weights.into_iter().zip(biases))
+        .zip(weights(node))
         .map(|(size, (weight, bias))| DenseLayer {
             inputs: size[0] as usize,
             outputs: size[1] as usize,
@@ -138,6 +174,60 @@ impl InferenceRulesOp for ValueOperator {
         for proxy in [&inputs[0], &outputs[0]] {
             solver.equals(&proxy.datum_type, f32::datum_type())?;
             solver.equals(&proxy.shape, PLANE.iter().map(|d| d.to_dim()).collect::<TVec<TDim>>())?;
+        }
+        Ok(())
+    }
+    as_op!();
+    to_typed!();
+}
+
+impl ConvolutionOperator {
+    /// Of what it makes.
+    fn shape(&self) -> [usize; 4] {
+        let [planes, rows, columns] = self.chain.shape();
+        [1, planes, rows, columns]
+    }
+}
+
+impl Op for ConvolutionOperator {
+    fn name(&self) -> StaticName {
+        CONVOLUTIONS.into()
+    }
+    op_as_typed_op!();
+}
+
+impl EvalOp for ConvolutionOperator {
+    fn eval(&self, _: &EvalContext, inputs: TVec<TValue>) -> TractResult<TVec<TValue>> {
+        let (value, reward) = args_2!(inputs);
+        let (value, reward) = (value.try_as_plain_ram()?, reward.try_as_plain_ram()?);
+        let mut out = Tensor::zero::<f32>(&self.shape())?;
+        let mut made = out.try_as_plain_ram_mut()?;
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let planes = [value.as_slice()?, reward.as_slice()?];
+        self.chain.run(self.lanes, planes, &mut scratch, made.as_slice_mut()?);
+        Ok(tvec![out.into_tvalue()])
+    }
+    op_out_of_plan!();
+}
+
+impl TypedOp for ConvolutionOperator {
+    fn output_facts(&self, _: &[&TypedFact]) -> TractResult<TVec<TypedFact>> {
+        Ok(tvec![f32::fact(self.shape())])
+    }
+    as_op!();
+}
+
+impl InferenceRulesOp for ConvolutionOperator {
+    fn rules<'r, 'p: 'r, 's: 'r>(
+        &'s self,
+        solver: &mut Solver<'r>,
+        inputs: &'p [TensorProxy],
+        outputs: &'p [TensorProxy],
+    ) -> InferenceResult {
+        let crop = [1, 1, CROP_ROWS, CROP_COLS];
+        for (proxy, shape) in [(&inputs[0], crop), (&inputs[1], crop), (&outputs[0], self.shape())] {
+            solver.equals(&proxy.datum_type, f32::datum_type())?;
+            solver.equals(&proxy.shape, shape.iter().map(|d| d.to_dim()).collect::<TVec<TDim>>())?;
         }
         Ok(())
     }

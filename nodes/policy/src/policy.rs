@@ -294,7 +294,7 @@ fn order_interface(graph: &mut GraphProto) {
 /// Swaps in the fused operators; says why where it cannot.
 fn fuse(graph: &mut GraphProto, contract: &Contract, model: &str) -> Result<Option<String>, ModelError> {
     let view = View::new(graph);
-    let (value, head) = (view.value_block(), view.head_block());
+    let (value, convolutions, head) = (view.value_block(), view.convolution_block(), view.head_block());
     if let Ok(block) = &value
         && block.iteration.rounds != contract.rounds
     {
@@ -308,11 +308,11 @@ fn fuse(graph: &mut GraphProto, contract: &Contract, model: &str) -> Result<Opti
             "export it with `sidestep train`",
         ));
     }
-    let reasons: Vec<&str> =
-        [value.as_ref().err(), head.as_ref().err()].into_iter().flatten().map(String::as_str).collect();
+    let reasons = [value.as_ref().err(), convolutions.as_ref().err(), head.as_ref().err()];
+    let reasons: Vec<&str> = reasons.into_iter().flatten().map(String::as_str).collect();
     let warning = (!reasons.is_empty())
         .then(|| format!("model {model}: runs unfused and 30 times slower: {}", reasons.join("; ")));
-    replace(graph, value.as_ref().ok(), head.as_ref().ok());
+    replace(graph, value.ok(), convolutions.ok().flatten(), head.ok());
     Ok(warning)
 }
 

@@ -126,6 +126,55 @@ fn unequal_rounds_are_not_fused_but_run_with_a_warning() {
     assert!(warning.contains("does not share"), "{warning}");
 }
 
+/// Changes one thing at a time that the fused convolutions cannot do, or that somebody else wants to see.
+#[test]
+fn other_convolutions_are_not_fused_but_run_with_a_warning() {
+    use prost::Message;
+    type Graph = tract_onnx::pb::GraphProto;
+    let warn = |edit: &dyn Fn(&mut Graph)| {
+        let mut model = tract_onnx::pb::ModelProto::decode(model(2).as_slice()).unwrap();
+        edit(model.graph.as_mut().unwrap());
+        let policy = Policy::load(&model.encode_to_vec(), "odd.onnx", &robot()).unwrap();
+        policy.warning().unwrap().to_owned()
+    };
+    let node = |graph: &mut Graph, name: &str| graph.node.iter().position(|n| n.name == name).unwrap();
+    let rename = |graph: &mut Graph, from: &str, to: &str| {
+        let names = graph.node.iter_mut().flat_map(|n| n.input.iter_mut().chain(&mut n.output));
+        names.filter(|name| *name == from).for_each(|name| *name = to.into());
+    };
+    let text = warn(&|graph| rename(graph, "convolved", "folded"));
+    assert!(text.contains("no node makes \"convolved\""), "{text}");
+    let text = warn(&|graph| {
+        // The same numbers by another way: negative twice.
+        let relu = node(graph, "convolution/0/bent");
+        let mut minus = graph.node[relu].clone();
+        (minus.op_type, minus.name, minus.output[0]) = ("Neg".into(), "minus".into(), "minus".into());
+        let mut plus = minus.clone();
+        (plus.name, plus.input[0], plus.output[0]) = ("plus".into(), "minus".into(), "plus".into());
+        graph.node[relu].input[0] = "plus".into();
+        graph.node.splice(relu..relu, [minus, plus]);
+    });
+    assert!(text.contains("\"plus\" is made by Neg with 1 inputs, not by Conv with 3"), "{text}");
+    let text = warn(&|graph| {
+        let conv = node(graph, "convolution/1/sum");
+        graph.node[conv].attribute.push(tract_onnx::pb::AttributeProto {
+            name: "auto_pad".into(),
+            r#type: tract_onnx::pb::attribute_proto::AttributeType::String as i32,
+            s: b"NOTSET".to_vec(),
+            ..Default::default()
+        });
+    });
+    assert!(text.contains("Conv \"convolution/1/sum\" has auto_pad"), "{text}");
+    let text = warn(&|graph| {
+        let relu = node(graph, "convolution/0/bent");
+        let mut reader = graph.node[relu].clone();
+        (reader.name, reader.input[0], reader.output[0]) =
+            ("reader".into(), "convolution/0/bent".into(), "read".into());
+        graph.node.push(reader);
+    });
+    assert!(text.contains("\"convolution/0/bent\" is used outside its block"), "{text}");
+}
+
 #[test]
 fn a_model_for_another_robot_is_refused_with_both_hashes() {
     let mut robot = robot();
