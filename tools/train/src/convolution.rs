@@ -96,9 +96,9 @@ impl Convolution {
             self.bordered[at..at + line].copy_from_slice(cells);
         }
         let run = 3 * layout.inputs;
-        for (part, at) in self.unfolded.chunks_exact_mut(run).zip(layout.runs(count)) {
-            part.copy_from_slice(&self.bordered[at..at + run]);
-        }
+        layout.runs(count).enumerate().for_each(|(index, at)| {
+            self.unfolded[index * run..][..run].copy_from_slice(&self.bordered[at..][..run]);
+        });
         let to = &mut to[..count * layout.output()];
         to.chunks_exact_mut(layout.outputs).for_each(|cell| cell.copy_from_slice(bias));
         let rows = (to.len() / layout.outputs, layout.neighbourhood());
@@ -127,9 +127,10 @@ impl Convolution {
         product(above, weight.transposed(), &mut self.unfolded_slopes);
         self.bordered_slopes.fill(0.0);
         let run = 3 * layout.inputs;
-        for (part, at) in self.unfolded_slopes.chunks_exact(run).zip(layout.runs(count)) {
-            self.bordered_slopes[at..at + run].iter_mut().zip(part).for_each(|(sum, slope)| *sum += slope);
-        }
+        layout.runs(count).enumerate().for_each(|(index, at)| {
+            let part = &self.unfolded_slopes[index * run..][..run];
+            self.bordered_slopes[at..][..run].iter_mut().zip(part).for_each(|(sum, slope)| *sum += slope);
+        });
         let line = layout.from[1] * layout.inputs;
         for (cells, at) in below.chunks_exact_mut(line).zip(layout.lines(count)) {
             cells.copy_from_slice(&self.bordered_slopes[at..at + line]);
