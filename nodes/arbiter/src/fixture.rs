@@ -2,8 +2,8 @@
 
 use crate::{Arbiter, Config};
 use sidestep_msgs::{
-    AGE_NEVER, Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
-    STILL, SafetyMap, Status, Twist, Winner,
+    AGE_NEVER, Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID,
+    SAFETY_SIDE, STILL, SafetyMap, Status, Twist, Winner,
 };
 
 /// `[ns]` one millisecond.

@@ -389,9 +389,9 @@ fn strip(title: &str, time: Axis, winners: &[Stretch], reasons: &[Stretch]) -> F
     };
     let changed = |code| match Reason::from_code(code) {
         Some(Reason::Clear) => None,
-        Some(
-            Reason::Slowed | Reason::Yielding | Reason::Straight | Reason::Rotating | Reason::Reversing,
-        ) => Some(Ink::Orange),
+        Some(Reason::Slowed | Reason::Yielding | Reason::Straight | Reason::Rotating | Reason::Reversing) => {
+            Some(Ink::Orange)
+        }
         Some(Reason::OtherProposal) => Some(Ink::Sky),
         _ => Some(Ink::Text),
     };

@@ -41,7 +41,8 @@ impl Runner {
         }
         let (dx, dy) = (stage.pose.x_m - self.at[0], stage.pose.y_m - self.at[1]);
         let away = libm::hypot(dx, dy);
-        let way = (0.01 * self.speed_m_s).min(gap_m(&stage.robot, &stage.pose, &[square(self.at[0], self.at[1])]));
+        let way =
+            (0.01 * self.speed_m_s).min(gap_m(&stage.robot, &stage.pose, &[square(self.at[0], self.at[1])]));
         self.at = [self.at[0] + way.max(0.0) * dx / away, self.at[1] + way.max(0.0) * dy / away];
     }
 }
@@ -75,8 +76,7 @@ fn what_comes_out_of_the_unseen_finds_the_robot_at_rest() {
                 (stage.brake_m_s2, stage.dead_ns) = (brake, (dead_s * 1e9) as u64);
                 stage.unseen = vec![curtain(2.6)];
                 stage.wish = Twist::new(1.0, 0.0);
-                let mut runner =
-                    Runner { at: [2.6 + HALF_M, side], from_tick, speed_m_s: f64::from(speed) };
+                let mut runner = Runner { at: [2.6 + HALF_M, side], from_tick, speed_m_s: f64::from(speed) };
                 let met = meet(&mut stage, &mut runner, 1000);
                 assert!(met.is_none_or(|v| v < REST), "{speed} m/s from tick {from_tick} at {side}: {met:?}");
             }
