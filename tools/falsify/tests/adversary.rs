@@ -53,15 +53,11 @@ fn every_assumption_is_needed() {
     }
 }
 
-/// Movers of up to the speed that the robot file names, seen or out of what is not: none meets a robot that moves. One
-/// that is faster does.
+/// Movers of up to the speed that the robot file names, seen or out of what is not: none meets a robot that moves.
 #[test]
-fn a_robot_that_minds_movers_is_met_at_rest_unless_they_are_faster() {
-    let evaluations = std::env::var("SIDESTEP_EVALUATIONS").map_or(1500, |text| text.parse().unwrap());
-    let found = attack(&wary(), None, evaluations, 2);
+fn a_robot_that_minds_movers_is_met_at_rest() {
+    let found = attack(&wary(), None, 1500, 2);
     assert_eq!(found.contacts, 0, "{:?}", found.first_contact);
-    let faster = attack(&wary(), Some(Assumption::Mover), 4000, 2);
-    assert!(faster.first_contact.is_some(), "no contact with faster movers");
 }
 
 #[test]
