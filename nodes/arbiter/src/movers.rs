@@ -122,10 +122,10 @@ impl Movers {
             let behind = (sight.taken[*back] | hidden[*back]) >> aside & 1;
             hidden[*row] |= behind << bit;
         }
-        for row in 0..SAFETY_SIDE {
+        for (row, hidden) in hidden.into_iter().enumerate() {
             self.fixed[row] = sight.taken[row] & !sight.fresh[row];
             // Nearer than the floor is seen, what stands in the open is seen all the same, and only the floor is not.
-            let unwatched = sight.unseen[row] & (self.far[row] | hidden[row]) | self.edge[row];
+            let unwatched = sight.unseen[row] & (self.far[row] | hidden) | self.edge[row];
             self.sources[row] = (sight.fresh[row] | unwatched & self.sector[row]) & !self.fixed[row];
         }
         self.grow();
