@@ -135,8 +135,7 @@ record! {
         pub occupancy: [u8; SAFETY_CELLS],
         /// `[0.1 s]` `[0, 253]` time since the cell was seen; 254 older, 255 never.
         pub age: [u8; SAFETY_CELLS],
-        /// `[0.1 s]` `[0, 253]` time for which something has been standing here, as far as was seen; 254 longer, or
-        /// nothing is here.
+        /// `[0.1 s]` `[0, 253]` time since what stands here was first seen here; 254 longer, or nothing is here.
         pub still: [u8; SAFETY_CELLS],
     }
 }

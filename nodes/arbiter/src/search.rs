@@ -2,7 +2,7 @@
 //!
 //! The scale is searched by halving; every command that leaves has itself been swept, so the search need not be
 //! monotone. More cells in the way only turn answers from yes to no, and each no leads to smaller scales: an obstacle
-//! never raises the scale.
+//! never raises the scale, unless it keeps movers away.
 
 use crate::clearance::FreeSpace;
 use crate::config::Config;

@@ -5,7 +5,7 @@ use crate::error::FalsifyError;
 use crate::genes::Case;
 use crate::scenario::{Scenario, TICKS};
 use crate::sensing::{Known, Mail, Moment, Shown, draw_map};
-use crate::thing::{footprint, in_sector};
+use crate::thing::{Thing, footprint, in_sector};
 use serde::Serialize;
 use sidestep_arbiter::{Arbiter, Config};
 use sidestep_msgs::{
@@ -245,6 +245,7 @@ impl<'a> Run<'a> {
             let (x, y) = moment.pose.transform(r.known_ahead_m, 0.0);
             self.known = Some(Known { centre_m: [x, y], radius_m: r.known_radius_m });
         }
+        self.excuse(&moment.pose, tick as f64 * TICK_NS as f64 * 1e-9);
         self.maps.send(tick, Moment { pose: earlier.pose, ..moment });
         self.proposals.send(tick, moment);
     }
@@ -318,11 +319,19 @@ impl<'a> Run<'a> {
         draw_map(moment, shown, self.known.as_ref(), robot.blind_m(), map);
     }
 
+    /// Excuses the movers that are not in the sector when a map is made.
+    fn excuse(&mut self, pose: &Pose2, time_s: f64) {
+        let robot = &self.evaluator.robot;
+        for (excused, thing) in self.excused.iter_mut().zip(&self.scenario.things.0) {
+            *excused |= is_minded(robot, thing) && !in_sector(robot, pose, &thing.at(time_s));
+        }
+    }
+
     /// Notes how near everything is, if it can be nearer than anything was before.
     fn look(&mut self, time_s: f64) {
         let twist = self.base.twist();
         let speed = self.speed_m_s(&twist);
-        let movers = self.scenario.things.0.iter().map(crate::Thing::speed_m_s).fold(0.0, f64::max);
+        let movers = self.scenario.things.0.iter().map(Thing::speed_m_s).fold(0.0, f64::max);
         self.slack_m -= (speed + movers) * STEP_S;
         if self.slack_m > 0.0 {
             return;
@@ -331,13 +340,11 @@ impl<'a> Run<'a> {
         footprint(&evaluator.robot, &self.base.pose, &mut evaluator.polygon);
         let radius_m = f64::from(evaluator.robot.radius_m());
         let rests = twist.v_m_s.abs() < REST && twist.w_rad_s.abs() < REST;
-        let minded = evaluator.robot.start.mover_m_s > 0.0;
         let mut nearest = (FAR_M, 0);
         for (number, thing) in self.scenario.things.0.iter().enumerate().filter(|(_, thing)| thing.exists) {
             let solid = thing.at(time_s);
-            if minded && thing.speed_m_s() > 0.0 {
-                let met = rests && solid.gap_m(&evaluator.polygon) <= 0.0;
-                self.excused[number] |= met || !in_sector(&evaluator.robot, &self.base.pose, &solid);
+            if is_minded(&evaluator.robot, thing) {
+                self.excused[number] |= rests && solid.gap_m(&evaluator.polygon) <= 0.0;
                 if self.excused[number] {
                     continue;
                 }
@@ -401,4 +408,9 @@ impl<'a> Run<'a> {
     fn outcome(&self) -> Outcome {
         Outcome { robustness_m: self.least_m, contact: self.contact, ticks: self.ticks }
     }
+}
+
+/// Whether the arbiter is told to mind a thing as a mover.
+fn is_minded(robot: &Robot, thing: &Thing) -> bool {
+    robot.start.mover_m_s > 0.0 && thing.speed_m_s() > 0.0
 }

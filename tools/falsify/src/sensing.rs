@@ -87,7 +87,7 @@ pub(crate) fn draw_map(
         let solid = seen_from(solid, &from);
         // What is taken and what was never seen are the same number, in the one array or in the other.
         draw(&solid, &SAFETY_GRID, if *seen { &mut map.occupancy } else { &mut map.age });
-        if *moving {
+        if *moving && *seen {
             draw(&solid, &SAFETY_GRID, &mut map.still);
         }
     }
