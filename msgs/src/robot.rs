@@ -329,6 +329,13 @@ impl Robot {
         self.footprint.polygon_m.iter().fold(0.0, |most, corner| most.max(corner[1].abs()))
     }
 
+    /// Whether camera or scanner look towards a point of `base`, however near or far.
+    #[must_use]
+    pub fn looks_at(&self, x_m: f32, y_m: f32) -> bool {
+        let from_m = self.camera.map_or(0.0, |camera| camera.forward_m);
+        libm::atan2f(y_m, x_m - from_m).abs() <= self.half_view_rad()
+    }
+
     /// `[rad]` bearing of the edge of what camera or scanner see, from straight ahead.
     #[must_use]
     pub fn half_view_rad(&self) -> f32 {

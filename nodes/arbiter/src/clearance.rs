@@ -212,6 +212,11 @@ pub(crate) fn cell_index(row: usize, bit: usize) -> u32 {
     ((SAFETY_SIDE - 1 - row) * SAFETY_SIDE + SAFETY_SIDE - 1 - bit) as u32
 }
 
+/// The columns of a row of the map for which something holds, as bits: column 0 is farthest left, the highest bit.
+fn line(holds: impl Fn(usize) -> bool) -> u128 {
+    (0..SAFETY_SIDE).fold(0, |bits, col| bits << 1 | u128::from(holds(col)))
+}
+
 /// What the newest safety map says, as bits.
 #[derive(Debug, Clone)]
 pub(crate) struct FreeSpace {
@@ -296,12 +301,9 @@ impl FreeSpace {
         let lines = map.age.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.still.as_chunks::<SAFETY_SIDE>().0);
         for (index, (age, still)) in lines.enumerate() {
             let row = SAFETY_SIDE - 1 - index;
-            let bits = |holds: &dyn Fn(usize) -> bool| {
-                (0..SAFETY_SIDE).fold(0u128, |bits, col| bits << 1 | u128::from(holds(col)))
-            };
             sight.taken[row] = self.blocked[row] & !self.unknown[row];
-            sight.fresh[row] = sight.taken[row] & bits(&|col| still[col] < self.codes.still);
-            sight.unseen[row] = self.unknown[row] | bits(&|col| age[col] > self.codes.seen);
+            sight.fresh[row] = sight.taken[row] & line(|col| still[col] < self.codes.still);
+            sight.unseen[row] = self.unknown[row] | line(|col| age[col] > self.codes.seen);
         }
         sight
     }

@@ -81,7 +81,6 @@ impl Movers {
     /// Finds the cells of the sector and their order.
     fn look(&mut self, robot: &Robot) {
         let (from_m, near_m) = robot.camera.map_or((0.0, 0.0), |camera| (camera.forward_m, camera.near_m));
-        let half_rad = robot.half_view_rad();
         let blind_m = robot.blind_m();
         let mut cells = Vec::new();
         for row in 0..SAFETY_SIDE {
@@ -89,7 +88,7 @@ impl Movers {
                 let (x_m, y_m) = centre(row, bit);
                 let ahead_m = x_m - from_m;
                 let range_m = libm::hypotf(ahead_m, y_m);
-                if range_m < near_m || libm::atan2f(y_m, ahead_m).abs() > half_rad {
+                if range_m < near_m || !robot.looks_at(x_m, y_m) {
                     continue;
                 }
                 let mask = 1 << bit;
@@ -198,4 +197,74 @@ fn place(x_m: f32, y_m: f32) -> (usize, u32) {
         libm::floorf((part_m - from_m) / SAFETY_GRID.cell_m).clamp(0.0, most) as usize
     };
     (number(x_m, SAFETY_GRID.rear_m), number(y_m, SAFETY_GRID.right_m) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::loomo;
+
+    fn movers() -> Movers {
+        let mut robot = loomo();
+        robot.start.mover_m_s = 0.5;
+        Movers::new(&Config::STANDARD, &robot)
+    }
+
+    const NONE: Rows = [0; SAFETY_SIDE];
+
+    fn set(rows: &mut Rows, x_m: f32, y_m: f32) {
+        let (row, bit) = place(x_m, y_m);
+        rows[row] |= 1 << bit;
+    }
+
+    fn is_set(rows: &Rows, x_m: f32, y_m: f32) -> bool {
+        let (row, bit) = place(x_m, y_m);
+        rows[row] >> bit & 1 == 1
+    }
+
+    /// From one cell in the open: every cell within so many cells is reached, none that is a tenth and a cell farther.
+    #[test]
+    fn the_growth_holds_the_disc_and_little_more() {
+        let mut movers = movers();
+        movers.sources[40] = 1 << 40;
+        movers.grow();
+        for (steps, reached) in movers.reached.iter().enumerate() {
+            for (row, bits) in reached.iter().enumerate() {
+                for bit in 0..SAFETY_SIDE {
+                    let cells = libm::hypotf(row as f32 - 40.0, bit as f32 - 40.0);
+                    let is = bits >> bit & 1 == 1;
+                    assert!(is || cells > steps as f32, "{row} {bit} after {steps}");
+                    assert!(!is || cells <= 1.1 * steps as f32 + 1.0, "{row} {bit} after {steps}");
+                }
+            }
+        }
+    }
+
+    /// Floor nearer than it can be seen hides somebody behind a thing and nobody in the open; farther off it does both.
+    #[test]
+    fn a_thing_hides_what_is_behind_it() {
+        let (near_m, far_m) = (0.8, 1.5);
+        for (thing_m, at_m, hides) in [
+            (None, near_m, false),
+            (None, far_m, true),
+            (Some(0.6), near_m, true),
+            (Some(1.2), near_m, false),
+        ] {
+            let mut sight = Sight { taken: NONE, fresh: NONE, unseen: NONE };
+            set(&mut sight.unseen, at_m, 0.0);
+            if let Some(thing_m) = thing_m {
+                set(&mut sight.taken, thing_m, 0.0);
+            }
+            let mut movers = movers();
+            movers.take(&sight);
+            assert_eq!(is_set(&movers.sources, at_m, 0.0), hides, "{thing_m:?} {at_m}");
+        }
+        // Beside the sector nobody is said to hide; what was seen to move is minded there too.
+        let mut sight = Sight { taken: NONE, fresh: NONE, unseen: NONE };
+        set(&mut sight.unseen, 0.0, 1.5);
+        set(&mut sight.fresh, 0.0, -1.5);
+        let mut movers = movers();
+        movers.take(&sight);
+        assert!(!is_set(&movers.sources, 0.0, 1.5) && is_set(&movers.sources, 0.0, -1.5));
+    }
 }

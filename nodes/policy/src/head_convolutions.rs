@@ -234,15 +234,7 @@ fn add_scaled<const FUSED: bool>(weights: &[f32; GROUP], scale: f32, sums: &[f32
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A short pseudo-random sequence in [-1, 1).
-    fn numbers(count: usize, mut seed: u32) -> Vec<f32> {
-        let mut next = || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (seed >> 8) as f32 / 8_388_608.0 - 1.0
-        };
-        (0..count).map(|_| next()).collect()
-    }
+    use crate::fixture::numbers;
 
     /// Groups in pairs, alone and part of one; strides of one and two.
     fn layers() -> Vec<ConvolutionLayer> {

@@ -241,15 +241,7 @@ fn dense_blocks<const FUSED: bool, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A short pseudo-random sequence in [-1, 1).
-    fn numbers(count: usize, mut seed: u32) -> Vec<f32> {
-        let mut next = || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (seed >> 8) as f32 / 8_388_608.0 - 1.0
-        };
-        (0..count).map(|_| next()).collect()
-    }
+    use crate::fixture::numbers;
 
     fn kernels(count: usize, seed: u32, scale: f32) -> Vec<[f32; 9]> {
         numbers(count * 9, seed).chunks_exact(9).map(|k| std::array::from_fn(|i| k[i] * scale)).collect()

@@ -14,6 +14,8 @@ mod contract;
 mod convolution;
 mod error;
 mod export;
+#[cfg(test)]
+mod fixture;
 mod graph;
 mod head_convolutions;
 mod kept_maps;

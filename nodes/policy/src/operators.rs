@@ -35,31 +35,43 @@ struct HeadOperator {
     scratch: Arc<Mutex<DenseScratch>>,
 }
 
-// Two operators are the same only where they share their weights.
-impl PartialEq for ValueOperator {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.iteration, &other.iteration)
-    }
+/// Gives an operator its name. Two are the same only where they share their weights.
+macro_rules! operator {
+    ($kind:ty, $name:expr, $weights:ident) => {
+        impl PartialEq for $kind {
+            fn eq(&self, other: &Self) -> bool {
+                Arc::ptr_eq(&self.$weights, &other.$weights)
+            }
+        }
+        impl Eq for $kind {}
+        impl Op for $kind {
+            fn name(&self) -> StaticName {
+                $name.into()
+            }
+            op_as_typed_op!();
+        }
+    };
 }
-impl Eq for ValueOperator {}
-impl PartialEq for ConvolutionOperator {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.chain, &other.chain)
-    }
-}
-impl Eq for ConvolutionOperator {}
-impl PartialEq for HeadOperator {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.chain, &other.chain)
-    }
-}
-impl Eq for HeadOperator {}
+
+operator!(ValueOperator, VALUE_ITERATION, iteration);
+operator!(ConvolutionOperator, CONVOLUTIONS, chain);
+operator!(HeadOperator, HEAD, chain);
 
 /// Teaches tract the operators.
 pub(crate) fn register(onnx: &mut Onnx) {
     onnx.op_register.insert(VALUE_ITERATION, build_value);
     onnx.op_register.insert(CONVOLUTIONS, build_convolutions);
     onnx.op_register.insert(HEAD, build_head);
+}
+
+/// Says that a tensor holds floats in this shape.
+fn floats_of<'r, 'p: 'r, const RANK: usize>(
+    solver: &mut Solver<'r>,
+    tensor: &'p TensorProxy,
+    shape: [usize; RANK],
+) -> InferenceResult {
+    solver.equals(&tensor.datum_type, f32::datum_type())?;
+    solver.equals(&tensor.shape, shape.map(|d| d.to_dim()).into_iter().collect::<TVec<TDim>>())
 }
 
 type Built = TractResult<(Box<dyn InferenceOp>, Vec<String>)>;
@@ -137,13 +149,6 @@ fn integers<'a>(node: &'a NodeProto, name: &str) -> TractResult<&'a [i64]> {
     Ok(&found.with_context(|| format!("{} has no {name}", node.op_type))?.ints)
 }
 
-impl Op for ValueOperator {
-    fn name(&self) -> StaticName {
-        VALUE_ITERATION.into()
-    }
-    op_as_typed_op!();
-}
-
 impl EvalOp for ValueOperator {
     fn eval(&self, _: &EvalContext, inputs: TVec<TValue>) -> TractResult<TVec<TValue>> {
         let input = args_1!(inputs);
@@ -171,11 +176,8 @@ impl InferenceRulesOp for ValueOperator {
         inputs: &'p [TensorProxy],
         outputs: &'p [TensorProxy],
     ) -> InferenceResult {
-        for proxy in [&inputs[0], &outputs[0]] {
-            solver.equals(&proxy.datum_type, f32::datum_type())?;
-            solver.equals(&proxy.shape, PLANE.iter().map(|d| d.to_dim()).collect::<TVec<TDim>>())?;
-        }
-        Ok(())
+        floats_of(solver, &inputs[0], PLANE)?;
+        floats_of(solver, &outputs[0], PLANE)
     }
     as_op!();
     to_typed!();
@@ -187,13 +189,6 @@ impl ConvolutionOperator {
         let [planes, rows, columns] = self.chain.shape();
         [1, planes, rows, columns]
     }
-}
-
-impl Op for ConvolutionOperator {
-    fn name(&self) -> StaticName {
-        CONVOLUTIONS.into()
-    }
-    op_as_typed_op!();
 }
 
 impl EvalOp for ConvolutionOperator {
@@ -224,22 +219,11 @@ impl InferenceRulesOp for ConvolutionOperator {
         inputs: &'p [TensorProxy],
         outputs: &'p [TensorProxy],
     ) -> InferenceResult {
-        let crop = [1, 1, CROP_ROWS, CROP_COLS];
-        for (proxy, shape) in [(&inputs[0], crop), (&inputs[1], crop), (&outputs[0], self.shape())] {
-            solver.equals(&proxy.datum_type, f32::datum_type())?;
-            solver.equals(&proxy.shape, shape.iter().map(|d| d.to_dim()).collect::<TVec<TDim>>())?;
-        }
-        Ok(())
+        inputs[..2].iter().try_for_each(|crop| floats_of(solver, crop, [1, 1, CROP_ROWS, CROP_COLS]))?;
+        floats_of(solver, &outputs[0], self.shape())
     }
     as_op!();
     to_typed!();
-}
-
-impl Op for HeadOperator {
-    fn name(&self) -> StaticName {
-        HEAD.into()
-    }
-    op_as_typed_op!();
 }
 
 impl EvalOp for HeadOperator {
@@ -273,11 +257,8 @@ impl InferenceRulesOp for HeadOperator {
         inputs: &'p [TensorProxy],
         outputs: &'p [TensorProxy],
     ) -> InferenceResult {
-        for proxy in [&inputs[1], &outputs[0], &outputs[1]] {
-            solver.equals(&proxy.datum_type, f32::datum_type())?;
-            solver.equals(&proxy.shape, tvec![1.to_dim(), 2.to_dim()])?;
-        }
-        Ok(())
+        let pairs = [&inputs[1], &outputs[0], &outputs[1]];
+        pairs.into_iter().try_for_each(|pair| floats_of(solver, pair, [1, 2]))
     }
     fn nboutputs(&self) -> TractResult<usize> {
         Ok(2)

@@ -102,10 +102,9 @@ pub(crate) fn footprint(robot: &Robot, pose: &Pose2, out: &mut Vec<[f64; 2]>) {
 
 /// Whether all of a solid lies where the camera of a robot at a pose looks.
 pub(crate) fn in_sector(robot: &Robot, pose: &Pose2, solid: &Solid) -> bool {
-    let from_m = robot.camera.map_or(0.0, |camera| f64::from(camera.forward_m));
     solid.corners().into_iter().all(|[x_m, y_m]| {
         let (ahead_m, left_m) = pose.inverse_transform(x_m, y_m);
-        libm::atan2(left_m, ahead_m - from_m).abs() < f64::from(robot.half_view_rad())
+        robot.looks_at(ahead_m as f32, left_m as f32)
     })
 }
 

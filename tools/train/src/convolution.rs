@@ -3,7 +3,7 @@
 //! Planes are channel-last. With a border of zeros round them the neighbourhood of an output is three runs of numbers, one
 //! per row of the kernel; side by side they are a row of one matrix, and the weights are the other.
 
-use crate::matrix::{Matrix, add_column_sums, add_product, product};
+use crate::matrix::{Matrix, add_column_sums, add_product, product, rectify};
 
 /// Sizes of a convolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,7 +104,7 @@ impl Convolution {
         let rows = (to.len() / layout.outputs, layout.neighbourhood());
         let weight = Matrix::rows(weight, (layout.neighbourhood(), layout.outputs));
         add_product(Matrix::rows(&self.unfolded, rows), weight, to);
-        to.iter_mut().for_each(|value| *value = if *value > 0.0 { *value } else { 0.0 });
+        rectify(to);
     }
 
     /// From the slopes of the sums of `count` samples to those of weights and biases, which are added to, and to those of

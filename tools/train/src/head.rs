@@ -1,7 +1,7 @@
 //! The head of many samples forward and backward: convolutions on the crop, dense layers on what they leave.
 
 use crate::convolution::{Convolution, Layout};
-use crate::matrix::{Matrix, add_column_sums, add_product, product};
+use crate::matrix::{Matrix, add_column_sums, add_product, product, rectify};
 use crate::parameters::Shape;
 use sidestep_policy::{CROP_CELLS, CROP_PLANES, DIRECT_FEATURES, HEAD_OUTPUTS};
 
@@ -82,7 +82,7 @@ impl Head {
             let (rows, columns) = ((count, inputs), (inputs, outputs));
             add_product(Matrix::rows(from, rows), Matrix::rows(&parameters[weight], columns), to);
             if layer < 2 {
-                to.iter_mut().for_each(|value| *value = if *value > 0.0 { *value } else { 0.0 });
+                rectify(to);
             }
         }
     }

@@ -28,6 +28,11 @@ pub(crate) fn add_column_sums(matrix: Matrix<'_>, sums: &mut [f32]) {
     }
 }
 
+/// Cuts off what is negative (ReLU).
+pub(crate) fn rectify(values: &mut [f32]) {
+    values.iter_mut().for_each(|value| *value = if *value > 0.0 { *value } else { 0.0 });
+}
+
 /// out = left * right, out row by row.
 pub(crate) fn product(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32]) {
     multiply(left, right, 0.0, out);

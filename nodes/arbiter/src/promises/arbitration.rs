@@ -166,20 +166,27 @@ fn teleop_passes_the_same_filter_and_gives_the_robot_back() {
 
 #[test]
 fn a_restored_arbiter_gives_the_same_commands() {
-    let mut stage = Stage::new(&Config::STANDARD, &[[1.6, -0.2, 2.6, 3.0], [0.5, -1.5, 3.0, -0.6]]);
+    let mut robot = loomo();
+    robot.start.mover_m_s = 0.5;
+    let solids = [[1.6, -0.2, 2.6, 3.0], [0.5, -1.5, 3.0, -0.6]];
+    let mut stage = Stage::of(&Config::STANDARD, robot.clone(), &solids, 0);
+    stage.movers = vec![[1.3, 0.2, 1.5, 0.6]];
+    let mut yielded = false;
     stage.wish = Twist::new(0.7, 0.2);
     for _ in 0..40 {
         stage.ticks(7);
         let mut bytes = vec![0; sidestep_msgs::ARBITER_STATE_BYTES];
         let size = stage.arbiter.state(&mut bytes);
-        let mut twin = Arbiter::new(&Config::STANDARD, &loomo(), 0).unwrap();
+        let mut twin = Arbiter::new(&Config::STANDARD, &robot, 0).unwrap();
         assert!(twin.restore(&bytes[..size]));
         let mut mine = stage.arbiter.clone();
         let (mut a, mut b) = (Command::default(), Command::default());
         mine.step(stage.now_ns, false, &mut a);
         twin.step(stage.now_ns, false, &mut b);
         assert_eq!(bytemuck::bytes_of(&a), bytemuck::bytes_of(&b));
+        yielded |= a.reason == Reason::Yielding as u32;
     }
+    assert!(yielded, "the movers were minded");
     assert!(!stage.arbiter.restore(&[0; 10]));
     assert_eq!(stage.arbiter.state(&mut [0; 10]), 0);
 }
