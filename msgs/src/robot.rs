@@ -378,3 +378,44 @@ impl Robot {
         crate::layout_hash(&text, &[])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOOMO: &str = include_str!("../../launch/robots/loomo.toml");
+
+    /// The shipped file with one value changed.
+    fn refusal(key: &str, value: &str) -> String {
+        let line = LOOMO.lines().find(|line| line.starts_with(&format!("{key} = "))).unwrap();
+        let changed = format!("{key} = {{ value = {value}, source = \"guess: a test\" }}");
+        Robot::from_toml("robot.toml", &LOOMO.replace(line, &changed)).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_value_out_of_its_range_is_refused_with_key_value_and_range() {
+        for (key, value, named, needed) in [
+            ("mover_m_s", "-0.1", "start.mover_m_s", "0 (a static world) to 3 m/s"),
+            ("mover_m_s", "3.1", "start.mover_m_s", "0 (a static world) to 3 m/s"),
+            ("mover_m_s", "nan", "start.mover_m_s", "0 (a static world) to 3 m/s"),
+            ("forward_m_s", "0.0", "limits.forward_m_s", "more than 0 and physically sane"),
+            (
+                "dead_time_max_s",
+                "0.6",
+                "actuator.dead_time_max_s",
+                "dead_time_min_s <= dead_time_max_s <= 0.5 s",
+            ),
+        ] {
+            let text = refusal(key, value);
+            assert!(text.contains("robot.toml") && text.contains(named) && text.contains(needed), "{text}");
+        }
+    }
+
+    /// The shipped camera: a point beside its axis within its 28 degrees, one just outside, one behind.
+    #[test]
+    fn a_camera_looks_ahead_of_where_it_is() {
+        let robot = Robot::from_toml("robot.toml", LOOMO).unwrap();
+        assert!(robot.looks_at(1.1, 0.5) && robot.looks_at(1.1, -0.5));
+        assert!(!robot.looks_at(1.1, 0.55) && !robot.looks_at(0.05, 0.0));
+    }
+}
