@@ -3,7 +3,7 @@
 use sidestep_arbiter::{Arbiter, Config};
 use sidestep_msgs::{
     Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
-    SafetyMap, Twist, Winner,
+    STILL, SafetyMap, Twist, Winner,
 };
 
 const NOW_NS: u64 = 1_000_000_000;
@@ -18,6 +18,7 @@ fn map(occupied: impl Fn(f32, f32) -> bool) -> Box<SafetyMap> {
     for index in 0..SAFETY_CELLS {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
         map.occupancy[index] = if occupied(x, y) { 250 } else { 10 };
+        map.still[index] = STILL;
     }
     map
 }
@@ -27,10 +28,17 @@ fn robot() -> Robot {
     Robot::from_toml("loomo.toml", text).unwrap_or_else(|error| unreachable!("{error}"))
 }
 
+/// The same, which minds movers.
+fn wary() -> Robot {
+    let mut robot = robot();
+    robot.start.mover_m_s = 0.5;
+    robot
+}
+
 /// An arbiter of a robot that drives at `twist` and wishes to go on so.
-fn driving(map: &SafetyMap, twist: Twist) -> Arbiter {
+fn driving(robot: &Robot, map: &SafetyMap, twist: Twist) -> Arbiter {
     let mut arbiter =
-        Arbiter::new(&Config::STANDARD, &robot(), 0).unwrap_or_else(|error| unreachable!("{error}"));
+        Arbiter::new(&Config::STANDARD, robot, 0).unwrap_or_else(|error| unreachable!("{error}"));
     let mut command = Command::default();
     let header = Header { source_frame: 1, now_ns: NOW_NS, ..Header::default() };
     for tick in 0..150 {
@@ -50,8 +58,8 @@ fn driving(map: &SafetyMap, twist: Twist) -> Arbiter {
     arbiter
 }
 
-fn step(bencher: divan::Bencher<'_, '_>, map: &SafetyMap, twist: Twist) {
-    let arbiter = driving(map, twist);
+fn step(bencher: divan::Bencher<'_, '_>, robot: &Robot, map: &SafetyMap, twist: Twist) {
+    let arbiter = driving(robot, map, twist);
     bencher.with_inputs(|| arbiter.clone()).bench_local_values(|mut arbiter| {
         let mut command = Command::default();
         arbiter.step(NOW_NS + 5_000_000, false, &mut command);
@@ -61,33 +69,52 @@ fn step(bencher: divan::Bencher<'_, '_>, map: &SafetyMap, twist: Twist) {
 
 #[divan::bench]
 fn open_1_m_s(bencher: divan::Bencher<'_, '_>) {
-    step(bencher, &map(|_, _| false), Twist::new(1.0, 0.3));
+    step(bencher, &robot(), &map(|_, _| false), Twist::new(1.0, 0.3));
 }
 
 #[divan::bench]
 fn doorway_0_5_m_s(bencher: divan::Bencher<'_, '_>) {
-    step(bencher, &map(|x, y| y.abs() > 0.45 && x > -0.2), Twist::new(0.5, 0.0));
+    step(bencher, &robot(), &map(|x, y| y.abs() > 0.45 && x > -0.2), Twist::new(0.5, 0.0));
 }
 
 #[divan::bench]
 fn corridor_1_m_s(bencher: divan::Bencher<'_, '_>) {
-    step(bencher, &map(|_, y| y.abs() > 0.45), Twist::new(0.9, 0.0));
+    step(bencher, &robot(), &map(|_, y| y.abs() > 0.45), Twist::new(0.9, 0.0));
 }
 
 #[divan::bench]
 fn corridor_end(bencher: divan::Bencher<'_, '_>) {
-    step(bencher, &map(|x, y| y.abs() > 0.45 || x > 1.2), Twist::new(0.8, 0.0));
+    step(bencher, &robot(), &map(|x, y| y.abs() > 0.45 || x > 1.2), Twist::new(0.8, 0.0));
 }
 
 #[divan::bench]
 fn boxed_in(bencher: divan::Bencher<'_, '_>) {
-    step(bencher, &map(|x, y| y.abs() > 0.34 || x.abs() > 0.2), Twist::new(0.0, 0.5));
+    step(bencher, &robot(), &map(|x, y| y.abs() > 0.34 || x.abs() > 0.2), Twist::new(0.0, 0.5));
+}
+
+#[divan::bench]
+fn doorway_with_movers(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &wary(), &map(|x, y| y.abs() > 0.45 && x > -0.2), Twist::new(0.5, 0.0));
+}
+
+#[divan::bench]
+fn open_with_movers(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &wary(), &map(|_, _| false), Twist::new(0.7, 0.3));
 }
 
 #[divan::bench]
 fn take_map(bencher: divan::Bencher<'_, '_>) {
+    take(bencher, &robot());
+}
+
+#[divan::bench]
+fn take_map_with_movers(bencher: divan::Bencher<'_, '_>) {
+    take(bencher, &wary());
+}
+
+fn take(bencher: divan::Bencher<'_, '_>, robot: &Robot) {
     let mut seen = map(|x, y| y.abs() > 0.45 || x > 1.2);
-    let mut arbiter = driving(&seen, Twist::new(0.5, 0.0));
+    let mut arbiter = driving(robot, &seen, Twist::new(0.5, 0.0));
     bencher.bench_local(move || {
         seen.capture_ns += 1000;
         arbiter.safety_map(&seen, &Header::default());
