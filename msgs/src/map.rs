@@ -21,7 +21,7 @@ pub const AGE_OLDER: u8 = 254;
 /// Stillness code: something has been standing here for longer than 25.3 s, or nothing is here.
 pub const STILL: u8 = 254;
 
-/// The geometry of a map: square cells in `base`, row 0 farthest ahead, column 0 farthest left.
+/// The geometry of a map: square cells in the map's frame, row 0 farthest along x, column 0 farthest along y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// Cells along a side.
@@ -36,7 +36,7 @@ pub struct Grid {
 
 /// 28 x 28 cells of 0.1 m: x in [-0.4, 2.4), y in [-1.4, 1.4) (paper section IV-A and the ticks of Fig. 8).
 pub const LOCAL_GRID: Grid = Grid { side: LOCAL_SIDE, cell_m: 0.1, rear_m: -0.4, right_m: -1.4 };
-/// 80 x 80 cells of 0.05 m centred on the robot.
+/// 80 x 80 cells of 0.05 m, the robot within a cell of the middle.
 pub const SAFETY_GRID: Grid = Grid { side: SAFETY_SIDE, cell_m: 0.05, rear_m: -2.0, right_m: -2.0 };
 
 impl Grid {
@@ -90,6 +90,14 @@ pub const fn probability_code(probability: f32) -> u8 {
     (probability * 255.0) as u8
 }
 
+/// The frame of a safety map made at a pose of `base`.
+#[must_use]
+pub fn safety_frame(base: &Pose2) -> Pose2 {
+    let cell_m = f64::from(SAFETY_GRID.cell_m);
+    let corner = |position_m: f64| libm::round(position_m / cell_m) * cell_m;
+    Pose2::new(corner(base.x_m), corner(base.y_m), 0.0)
+}
+
 record! {
     /// Egocentric occupancy: the only view of obstacles that policy and expert have (paper section IV-A).
     ///
@@ -119,14 +127,16 @@ const _: () = assert!(size_of::<LocalMap>() == 40 + 3 * LOCAL_CELLS);
 record! {
     /// The map that decides whether a motion is safe: conservative, finer, all round the robot.
     ///
-    /// Frame: `base` at `capture_ns`; geometry [`SAFETY_GRID`]. Writer: `mapper`. Reader: `arbiter`, nothing else.
-    /// Occupancy is the maximum, age the oldest and stillness the shortest of all odom cells overlapped; a cell is free
-    /// only if all are.
-    pub struct SafetyMap("sidestep/SafetyMap/2") {
+    /// Frame: its own, with the axes of `odom` and its origin on the corner of the mapper's cells that is nearest to the
+    /// robot; geometry [`SAFETY_GRID`]. So its cells are those of the mapper, and stay what they are while the robot turns
+    /// and moves. Writer: `mapper`. Reader: `arbiter`, nothing else.
+    pub struct SafetyMap("sidestep/SafetyMap/3") {
         /// `[ns]` graph time at which the camera saw this.
         pub capture_ns: u64,
-        /// Pose of `base` in `odom` used for this map.
+        /// Pose of the map's frame in `odom`; its yaw is 0.
         pub pose: Pose2,
+        /// Pose of `base` in `odom` used for this map.
+        pub base: Pose2,
         /// Pose epoch of that pose.
         pub pose_epoch: u32,
         /// Frames refused since the mapper started.
@@ -140,7 +150,7 @@ record! {
     }
 }
 
-const _: () = assert!(size_of::<SafetyMap>() == 40 + 3 * SAFETY_CELLS);
+const _: () = assert!(size_of::<SafetyMap>() == 64 + 3 * SAFETY_CELLS);
 
 #[cfg(test)]
 mod tests {

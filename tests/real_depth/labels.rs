@@ -50,7 +50,7 @@ pub(crate) struct Verdict {
 
 impl Label {
     /// Cells of the map that hold pixels of the rectangle.
-    fn cells(&self, frame: &DepthFrame) -> Vec<usize> {
+    fn cells(&self, frame: &DepthFrame, map: &SafetyMap) -> Vec<usize> {
         let [left, top, right, bottom] = self.rectangle;
         let rotation = frame.camera.rotation();
         let mut counts = BTreeMap::<usize, u32>::new();
@@ -63,8 +63,10 @@ impl Label {
             let x = (u as f32 - frame.cx_px) / frame.fx_px * z;
             let y = (v as f32 - frame.cy_px) / frame.fy_px * z;
             let body = [0, 1].map(|i| rotation[i][0] * x + rotation[i][1] * y + rotation[i][2] * z);
-            if body[0].abs().max(body[1].abs()) < 1.9
-                && let Some(cell) = SAFETY_GRID.index(body[0], body[1])
+            let (x, y) = map.base.transform(body[0].into(), body[1].into());
+            let (x, y) = map.pose.inverse_transform(x, y);
+            if x.abs().max(y.abs()) < 1.9
+                && let Some(cell) = SAFETY_GRID.index(x as f32, y as f32)
             {
                 *counts.entry(cell).or_default() += 1;
             }
@@ -77,7 +79,7 @@ impl Label {
         // The age is that of the oldest cell overlapped, so that it says nothing of an occupied one.
         let is_occupied = |at: usize| map.occupancy[at] > OCCUPIED;
         let mut verdict = Verdict::default();
-        for cell in self.cells(frame) {
+        for cell in self.cells(frame, map) {
             let (row, col) = (cell / SAFETY_SIDE, cell % SAFETY_SIDE);
             let mut near = (row - 1..=row + 1)
                 .flat_map(|row| (col - 1..=col + 1).map(move |col| row * SAFETY_SIDE + col));

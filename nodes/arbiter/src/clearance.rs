@@ -5,7 +5,7 @@
 
 use crate::config::{Config, ConfigError};
 use crate::movers::{Movers, Sight};
-use sidestep_msgs::{AGE_NEVER, NO_CELL, Robot, SAFETY_SIDE, SafetyMap, probability_code};
+use sidestep_msgs::{AGE_NEVER, NO_CELL, Pose2, Robot, SAFETY_SIDE, SafetyMap, probability_code};
 
 /// Rows of bits: row = cells ahead of the rear edge, bit = cells left of the right edge.
 pub(crate) type Rows = [u128; SAFETY_SIDE];
@@ -26,6 +26,13 @@ pub(crate) struct Heading {
     pub(crate) y_m: f32,
     pub(crate) cos: f32,
     pub(crate) sin: f32,
+}
+
+/// A pose in a map whose frame lies at `frame`.
+pub(crate) fn heading(frame: &Pose2, pose: &Pose2) -> Heading {
+    let relative = frame.relative(pose);
+    let (sin, cos) = libm::sincos(relative.yaw_rad);
+    Heading { x_m: relative.x_m as f32, y_m: relative.y_m as f32, cos: cos as f32, sin: sin as f32 }
 }
 
 /// The outline of the robot, widened by any margin.
@@ -208,7 +215,7 @@ fn normal(from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
     [dy / length, -dx / length]
 }
 
-pub(crate) fn cell_index(row: usize, bit: usize) -> u32 {
+fn cell_index(row: usize, bit: usize) -> u32 {
     ((SAFETY_SIDE - 1 - row) * SAFETY_SIDE + SAFETY_SIDE - 1 - bit) as u32
 }
 
@@ -290,7 +297,8 @@ impl FreeSpace {
         }
         self.dilate();
         if self.movers.speed_m_s() > 0.0 {
-            self.movers.take(&self.sight(map));
+            let at = heading(&map.pose, &map.base);
+            self.movers.take(&self.sight(map), &at);
         }
     }
 

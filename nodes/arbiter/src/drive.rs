@@ -2,7 +2,7 @@
 
 use crate::ahead::ahead;
 use crate::arbiter::{Arbiter, Verdict};
-use crate::clearance::Heading;
+use crate::clearance::heading;
 use crate::config::Resume;
 use crate::queue::{Pending, SENT_MAX};
 use crate::recovery::{Action, HeldBack};
@@ -44,7 +44,7 @@ impl Arbiter {
         } else {
             let inputs = &self.memory.inputs;
             let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
-            let goal_m = inputs.map_pose.transform(x_m, y_m);
+            let goal_m = inputs.map_base.transform(x_m, y_m);
             self.memory.recovery.action(now_ns, &pose, goal_m, &self.config)
         };
         let (winner, named) = match action {
@@ -151,10 +151,7 @@ impl Arbiter {
     pub(crate) fn situation(&self, now_ns: u64) -> Option<Situation> {
         let inputs = &self.memory.inputs;
         let odometry = &inputs.odometry;
-        let relative = inputs.map_pose.relative(&odometry.pose);
-        let (sin, cos) = libm::sincos(relative.yaw_rad);
-        let at =
-            Heading { x_m: relative.x_m as f32, y_m: relative.y_m as f32, cos: cos as f32, sin: sin as f32 };
+        let at = heading(&inputs.map_pose, &odometry.pose);
         let (mut blocked, mut old) = (self.space.blocked, self.space.old);
         self.outline.exempt(&at, &self.space.unknown, &mut blocked);
         // What the robot covers it does not see: its own floor is free where it is not occupied.

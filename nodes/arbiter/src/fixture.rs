@@ -3,7 +3,7 @@
 use crate::{Arbiter, Config};
 use sidestep_msgs::{
     AGE_NEVER, Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID,
-    SAFETY_SIDE, STILL, SafetyMap, Status, Twist, Winner,
+    SAFETY_SIDE, STILL, SafetyMap, Status, Twist, Winner, safety_frame,
 };
 
 /// `[ns]` one millisecond.
@@ -54,14 +54,15 @@ pub(crate) fn gap_m(robot: &Robot, pose: &Pose2, solids: &[Solid]) -> f64 {
     least
 }
 
-/// A safety map of the world round a pose: a cell is occupied if a solid may reach into it, for long.
+/// A safety map of the world round a pose of the robot: a cell is occupied if a solid may reach into it, for long.
 pub(crate) fn map_of(solids: &[Solid], pose: &Pose2, capture_ns: u64) -> Box<SafetyMap> {
     let mut map: Box<SafetyMap> = bytemuck::zeroed_box();
     map.capture_ns = capture_ns;
-    map.pose = *pose;
+    map.base = *pose;
+    map.pose = safety_frame(pose);
     for index in 0..SAFETY_CELLS {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        let (x, y) = pose.transform(f64::from(x), f64::from(y));
+        let (x, y) = map.pose.transform(f64::from(x), f64::from(y));
         map.occupancy[index] = if distance_m(solids, x, y) < 0.0354 { 250 } else { 10 };
         map.still[index] = STILL;
     }
@@ -76,8 +77,10 @@ pub(crate) fn hide(unseen: &[Solid], map: &mut SafetyMap) {
 /// Draws what has just come to where it is, as far as it can be seen: near the camera over floor that cannot.
 pub(crate) fn draw_movers(movers: &[Solid], blind_m: f32, map: &mut SafetyMap) {
     over(movers, map, |map, index| {
-        let (x_m, y_m) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        if map.age[index] != AGE_NEVER || libm::hypotf(x_m, y_m) < blind_m {
+        let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+        let (x, y) = map.pose.transform(f64::from(x), f64::from(y));
+        let near = libm::hypot(x - map.base.x_m, y - map.base.y_m) < f64::from(blind_m);
+        if map.age[index] != AGE_NEVER || near {
             map.age[index] = 0;
             (map.occupancy[index], map.still[index]) = (250, 0);
         }

@@ -5,7 +5,7 @@
 //! by then, so whatever comes at the robot finds it at rest. What was seen to move is minded wherever it went meanwhile;
 //! what may hide outside the sector is not.
 
-use crate::clearance::{Rows, cell_index};
+use crate::clearance::{Heading, Rows};
 use crate::config::Config;
 use sidestep_msgs::{NO_CELL, Robot, SAFETY_GRID, SAFETY_SIDE};
 
@@ -17,11 +17,48 @@ const SLACK_CELLS: usize = 1;
 const CORNER_PART: f32 = 0.414_213_57;
 const ALL: u128 = (1 << SAFETY_SIDE) - 1;
 
-/// A cell of the sector, and the one before it on the way from the camera; row and bit as in [`Rows`].
+/// `[rad]` between the lines of sight that are followed, and `[m]` between the points asked on them: two thirds of a cell,
+/// at the edge of the map. A cell that none of them meets lies between some that they do, and the slack reaches it.
+const LINE_RAD: f32 = 0.012;
+const POINT_M: f32 = 0.033;
+/// Points on a line: no point of the map is 3.2 m from the camera.
+const POINTS: usize = 97;
+
+/// A line of sight, in `base`.
 #[derive(Debug, Clone, Copy)]
-struct Ray {
-    cell: (usize, u32),
-    before: (usize, u32),
+struct Line {
+    cos: f32,
+    sin: f32,
+    /// Number of the first point where the floor is seen.
+    far: usize,
+}
+
+/// Where the camera looks from, and along which lines; a scanner looks from the axle.
+#[derive(Debug, Clone)]
+struct Eye {
+    forward_m: f32,
+    /// Number of the first point that is seen.
+    near: usize,
+    lines: Vec<Line>,
+}
+
+impl Eye {
+    fn new(robot: &Robot) -> Self {
+        let (forward_m, near_m) = robot.camera.map_or((0.0, 0.0), |camera| (camera.forward_m, camera.near_m));
+        let (half_rad, blind_m) = (robot.half_view_rad(), robot.blind_m());
+        let gaps = libm::ceilf(2.0 * half_rad / LINE_RAD).max(1.0);
+        let line = |number: usize| {
+            let (sin, cos) = libm::sincosf(half_rad * (2.0 * number as f32 / gaps - 1.0));
+            let from_axle_m = |point: usize| {
+                let range_m = point as f32 * POINT_M;
+                libm::hypotf(forward_m + range_m * cos, range_m * sin)
+            };
+            let far = (0..POINTS).find(|point| from_axle_m(*point) >= blind_m).unwrap_or(POINTS);
+            Line { cos, sin, far }
+        };
+        let near = libm::ceilf(near_m / POINT_M) as usize;
+        Self { forward_m, near, lines: (0..=gaps as usize).map(line).collect() }
+    }
 }
 
 /// What the movers' part of a map needs of one cell row by row.
@@ -40,14 +77,7 @@ pub(crate) struct Sight {
 pub(crate) struct Movers {
     /// `[m/s]` of the fastest mover; 0 = a static world, nothing is computed.
     speed_m_s: f32,
-    /// Cells that the camera looks at.
-    sector: Rows,
-    /// Those of them where it sees the floor.
-    far: Rows,
-    /// Those of them at the edge of the map.
-    edge: Rows,
-    /// The cells of the sector, nearest first.
-    rays: Vec<Ray>,
+    eye: Eye,
     /// Where movers are or hide.
     pub(crate) sources: Rows,
     /// What stands still.
@@ -59,54 +89,15 @@ pub(crate) struct Movers {
 impl Movers {
     pub(crate) fn new(config: &Config, robot: &Robot) -> Self {
         let speed_m_s = robot.start.mover_m_s;
-        let mut movers = Self {
-            speed_m_s,
-            sector: [0; SAFETY_SIDE],
-            far: [0; SAFETY_SIDE],
-            edge: [0; SAFETY_SIDE],
-            rays: Vec::new(),
-            sources: [0; SAFETY_SIDE],
-            fixed: [0; SAFETY_SIDE],
-            reached: Vec::new(),
-        };
+        let none = [0; SAFETY_SIDE];
+        let mut movers =
+            Self { speed_m_s, eye: Eye::new(robot), sources: none, fixed: none, reached: Vec::new() };
         if speed_m_s > 0.0 {
             let way_m = speed_m_s * longest_s(config, robot);
             let steps = libm::ceilf(way_m / SAFETY_GRID.cell_m) as usize + SLACK_CELLS + 1;
-            movers.reached = vec![[0; SAFETY_SIDE]; steps.min(GROWTH_MOST) + 1];
-            movers.look(robot);
+            movers.reached = vec![none; steps.min(GROWTH_MOST) + 1];
         }
         movers
-    }
-
-    /// Finds the cells of the sector and their order.
-    fn look(&mut self, robot: &Robot) {
-        let (from_m, near_m) = robot.camera.map_or((0.0, 0.0), |camera| (camera.forward_m, camera.near_m));
-        let blind_m = robot.blind_m();
-        let mut cells = Vec::new();
-        for row in 0..SAFETY_SIDE {
-            for bit in 0..SAFETY_SIDE as u32 {
-                let (x_m, y_m) = centre(row, bit);
-                let ahead_m = x_m - from_m;
-                let range_m = libm::hypotf(ahead_m, y_m);
-                if range_m < near_m || !robot.looks_at(x_m, y_m) {
-                    continue;
-                }
-                let mask = 1 << bit;
-                self.sector[row] |= mask;
-                if libm::hypotf(x_m, y_m) >= blind_m {
-                    self.far[row] |= mask;
-                }
-                let inner = 1..SAFETY_SIDE - 1;
-                if !(inner.contains(&row) && inner.contains(&(bit as usize))) {
-                    self.edge[row] |= mask;
-                }
-                let part = (range_m - SAFETY_GRID.cell_m).max(0.0) / range_m.max(1e-6);
-                let before = place(from_m + part * ahead_m, part * y_m);
-                cells.push((range_m, Ray { cell: (row, bit), before }));
-            }
-        }
-        cells.sort_by(|a, b| a.0.total_cmp(&b.0));
-        self.rays = cells.into_iter().map(|(_, ray)| ray).collect();
     }
 
     /// `[m/s]` how fast the reach of movers grows; 0 where none are minded.
@@ -114,20 +105,47 @@ impl Movers {
         self.speed_m_s
     }
 
-    /// Takes what a map shows.
-    pub(crate) fn take(&mut self, sight: &Sight) {
-        let mut hidden = [0u128; SAFETY_SIDE];
-        for Ray { cell: (row, bit), before: (back, aside) } in &self.rays {
-            let behind = (sight.taken[*back] | hidden[*back]) >> aside & 1;
-            hidden[*row] |= behind << bit;
-        }
-        for (row, hidden) in hidden.into_iter().enumerate() {
+    /// Takes what a map shows to a robot at `at`.
+    pub(crate) fn take(&mut self, sight: &Sight, at: &Heading) {
+        for row in 0..SAFETY_SIDE {
             self.fixed[row] = sight.taken[row] & !sight.fresh[row];
-            // Nearer than the floor is seen, what stands in the open is seen all the same, and only the floor is not.
-            let unwatched = sight.unseen[row] & (self.far[row] | hidden) | self.edge[row];
-            self.sources[row] = (sight.fresh[row] | unwatched & self.sector[row]) & !self.fixed[row];
+        }
+        self.sources = self.unwatched(sight, at);
+        for row in 0..SAFETY_SIDE {
+            self.sources[row] = (self.sources[row] | sight.fresh[row]) & !self.fixed[row];
         }
         self.grow();
+    }
+
+    /// The cells of the sector where a mover could be unseen: those that were not seen lately, where the floor is seen or
+    /// something taken hides them, and the edge of the map. Nearer than the floor is seen, what stands in the open is seen
+    /// all the same, and only the floor is not.
+    fn unwatched(&self, sight: &Sight, at: &Heading) -> Rows {
+        let mut unwatched = [0; SAFETY_SIDE];
+        let eye = &self.eye;
+        let in_cells = |part_m: f32, from_m: f32| (part_m - from_m) / SAFETY_GRID.cell_m;
+        let from = [
+            in_cells(at.x_m + at.cos * eye.forward_m, SAFETY_GRID.rear_m),
+            in_cells(at.y_m + at.sin * eye.forward_m, SAFETY_GRID.right_m),
+        ];
+        for Line { cos, sin, far } in &eye.lines {
+            let along = [at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin];
+            let along = along.map(|part| part * POINT_M / SAFETY_GRID.cell_m);
+            let mut hidden = false;
+            for point in 0..POINTS {
+                let [row, bit] = [0, 1].map(|k| (from[k] + point as f32 * along[k]) as usize % SAFETY_SIDE);
+                let is = |rows: &Rows| rows[row] >> bit & 1 == 1;
+                let edge = row == 0 || bit == 0 || row == SAFETY_SIDE - 1 || bit == SAFETY_SIDE - 1;
+                if edge || point >= eye.near && (point >= *far || hidden) && is(&sight.unseen) {
+                    unwatched[row] |= 1 << bit;
+                }
+                if edge {
+                    break;
+                }
+                hidden |= is(&sight.taken);
+            }
+        }
+        unwatched
     }
 
     /// Nothing is known: a mover may be anywhere.
@@ -184,12 +202,6 @@ fn longest_s(config: &Config, robot: &Robot) -> f32 {
     config.map_age_s + config.odometry_age_s + a.dead_time_max_s + config.hold_s + braking_s
 }
 
-/// Centre of a cell.
-fn centre(row: usize, bit: u32) -> (f32, f32) {
-    let cell = cell_index(row, bit as usize) as usize;
-    SAFETY_GRID.centre(cell / SAFETY_SIDE, cell % SAFETY_SIDE)
-}
-
 /// Row and bit of a point; of the nearest cell where it lies outside the map.
 fn place(x_m: f32, y_m: f32) -> (usize, u32) {
     let most = (SAFETY_SIDE - 1) as f32;
@@ -211,6 +223,7 @@ mod tests {
     }
 
     const NONE: Rows = [0; SAFETY_SIDE];
+    const MIDDLE: Heading = Heading { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
 
     fn set(rows: &mut Rows, x_m: f32, y_m: f32) {
         let (row, bit) = place(x_m, y_m);
@@ -256,7 +269,7 @@ mod tests {
                 set(&mut sight.taken, thing_m, 0.0);
             }
             let mut movers = movers();
-            movers.take(&sight);
+            movers.take(&sight, &MIDDLE);
             assert_eq!(is_set(&movers.sources, at_m, 0.0), hides, "{thing_m:?} {at_m}");
         }
         // Beside the sector nobody is said to hide; what was seen to move is minded there too.
@@ -264,7 +277,7 @@ mod tests {
         set(&mut sight.unseen, 0.0, 1.5);
         set(&mut sight.fresh, 0.0, -1.5);
         let mut movers = movers();
-        movers.take(&sight);
+        movers.take(&sight, &MIDDLE);
         assert!(!is_set(&movers.sources, 0.0, 1.5) && is_set(&movers.sources, 0.0, -1.5));
     }
 }

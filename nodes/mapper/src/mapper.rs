@@ -10,7 +10,9 @@ use crate::projection::{Columns, Lens};
 use crate::sonar;
 use crate::sweep::{Sweep, is_shaped};
 use crate::view::View;
-use sidestep_msgs::{DepthFrame, LocalMap, Odometry, Pose2, Ranges, Robot, SafetyMap, Scan, Status};
+use sidestep_msgs::{
+    DepthFrame, LocalMap, Odometry, Pose2, Ranges, Robot, SafetyMap, Scan, Status, safety_frame,
+};
 
 /// `[m]` farthest a camera may be mounted from the axle; beyond, the pose is garbage.
 const MOUNT_MAX_M: f32 = 5.0;
@@ -228,7 +230,8 @@ impl Mapper {
     /// Fills the map to be safe with, from the memory at the newest capture taken.
     pub fn write_safety(&self, map: &mut SafetyMap) {
         map.capture_ns = self.memory.capture_ns;
-        map.pose = self.memory.pose;
+        map.base = self.memory.pose;
+        map.pose = safety_frame(&map.base);
         map.pose_epoch = self.memory.pose_epoch;
         map.refused = self.memory.refused;
         self.view.safety(&mut map.occupancy, &mut map.age, &mut map.still);

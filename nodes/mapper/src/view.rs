@@ -1,13 +1,12 @@
-//! What the grid looks like from the robot: occupancy, age and stillness as bytes round it, and the two maps sampled
-//! from them.
+//! What the grid looks like from the robot: occupancy, age and stillness as bytes round it, and the two maps made of
+//! them.
 //!
-//! The bytes are made once per step, in axes of `odom`; both maps then turn them into `base`. The safety map takes the
-//! largest occupancy, the oldest age and the shortest stillness of every grid cell that a cell of the map overlaps.
+//! The bytes are made once per step, in axes of `odom`. The safety map is a part of them as they are; the local map turns
+//! them into `base`.
 
 use crate::grid::{CELL_M, Grid, Moment, SIDE};
 use sidestep_msgs::{
-    AGE_NEVER, AGE_OLDER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Pose2, SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE,
-    STILL,
+    AGE_NEVER, AGE_OLDER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Pose2, SAFETY_CELLS, SAFETY_SIDE, STILL,
 };
 
 /// Cells along a side of the view: 6.4 m, which holds both maps at any heading.
@@ -27,14 +26,9 @@ const STEPS: f32 = 36.0;
 /// Samples along a side of a cell of the local map: closer than grid cells, so that none is missed, and even, so that
 /// none lies on the edge of a grid cell when both grids are aligned.
 const SAMPLES: usize = 4;
-/// `[cells]` added to the half-extent of a safety cell for the rounding of `f32`.
-const SLACK: f32 = 1e-3;
-
-/// Occupancy, age and what is missing to [`STILL`] of one cell, and a zero that makes it a word. The largest of each is
-/// what a cautious reader wants.
+/// Occupancy, age and stillness of one cell, and a zero that makes it a word.
 type Look = [u8; 4];
-const LOOK: usize = size_of::<Look>();
-const NEVER: Look = [0, AGE_NEVER, 0, 0];
+const NEVER: Look = [0, AGE_NEVER, STILL, 0];
 
 /// The bytes round the robot.
 #[derive(Debug)]
@@ -43,8 +37,6 @@ pub(crate) struct View {
     at: [f32; 2],
     heading: [f32; 2],
     cells: Box<[Look; CELLS]>,
-    /// Largest of a cell and its three neighbours above, right and both.
-    pooled: Box<[Look; CELLS]>,
     probability: [u8; 256],
 }
 
@@ -54,14 +46,12 @@ impl View {
             let log_odds = (step as f32 - 128.0) / STEPS;
             (255.0 / (1.0 + libm::expf(-log_odds)) + 0.5) as u8
         });
-        let never = Box::new([NEVER; CELLS]);
-        Self { at: [64.0; 2], heading: [1.0, 0.0], cells: never.clone(), pooled: never, probability }
+        Self { at: [64.0; 2], heading: [1.0, 0.0], cells: Box::new([NEVER; CELLS]), probability }
     }
 
     /// Nothing was ever seen.
     pub(crate) fn reset(&mut self) {
         self.cells.fill(NEVER);
-        self.pooled.fill(NEVER);
     }
 
     /// Makes the bytes from the grid, as seen from `pose` at `now`; `sonar_ticks` is how long ultrasonic marks hold.
@@ -79,43 +69,22 @@ impl View {
             convert(grid, start, left, now, sonar_ticks, &self.probability);
             convert(grid, start / SIDE * SIDE, right, now, sonar_ticks, &self.probability);
         }
-        self.pool();
-    }
-
-    fn pool(&mut self) {
-        for y in 0..VIEW - 1 {
-            let rows = &self.cells[y * VIEW..][..2 * VIEW];
-            let (below, above) = rows.as_flattened().split_at(LOOK * VIEW);
-            let out = self.pooled[y * VIEW..][..VIEW].as_flattened_mut();
-            let last = out.len() - LOOK;
-            for (k, out) in out[..last].iter_mut().enumerate() {
-                *out = below[k].max(below[k + LOOK]).max(above[k]).max(above[k + LOOK]);
-            }
-        }
     }
 
     /// Fills `looks` with the cells under points of `base`: the first at `(x_m, y_m)`, each next one `step_m` to the
-    /// right, all of them moved by `shift` cells of the view.
+    /// right.
     #[inline(always)]
-    fn sample(
-        &self,
-        cells: &[Look; CELLS],
-        x_m: f32,
-        y_m: f32,
-        step_m: f32,
-        shift: [f32; 2],
-        looks: &mut [Look],
-    ) {
+    fn sample(&self, x_m: f32, y_m: f32, step_m: f32, looks: &mut [Look]) {
         let [cos, sin] = self.heading.map(|part| part / CELL_M as f32);
         // Half a cell less, since the conversion to integers rounds to the nearest.
-        let x0 = self.at[0] + cos * x_m - sin * y_m + shift[0] - 0.5;
-        let y0 = self.at[1] + sin * x_m + cos * y_m + shift[1] - 0.5;
+        let x0 = self.at[0] + cos * x_m - sin * y_m - 0.5;
+        let y0 = self.at[1] + sin * x_m + cos * y_m - 0.5;
         let (dx, dy) = (sin * step_m, -cos * step_m);
         for (count, look) in looks.iter_mut().enumerate() {
             let count = count as f32;
             let x = (x0 + count * dx + MAGIC).to_bits() as usize % VIEW;
             let y = (y0 + count * dy + MAGIC).to_bits() as usize % VIEW;
-            *look = cells[y * VIEW + x];
+            *look = self.cells[y * VIEW + x];
         }
     }
 
@@ -134,7 +103,7 @@ impl View {
             age.fill(AGE_NEVER);
             for sample in 0..SAMPLES * SAMPLES {
                 let (x_m, y_m) = (x_m + offset(sample / SAMPLES), y_m + offset(sample % SAMPLES));
-                self.sample(&self.cells, x_m, y_m, LOCAL_GRID.cell_m, [0.0; 2], &mut looks);
+                self.sample(x_m, y_m, LOCAL_GRID.cell_m, &mut looks);
                 for (col, [occupied, seen, ..]) in looks.iter().enumerate() {
                     let free = if *occupied < UNKNOWN { *occupied } else { 0 };
                     occupancy[col] = occupancy[col].max(free);
@@ -167,33 +136,21 @@ impl View {
         }
     }
 
-    /// Occupancy, age and stillness of the safety map.
+    /// Occupancy, age and stillness of the safety map: the cells round the corner that is nearest to the robot.
     pub(crate) fn safety(
         &self,
         occupancy: &mut [u8; SAFETY_CELLS],
         age: &mut [u8; SAFETY_CELLS],
         still: &mut [u8; SAFETY_CELLS],
     ) {
-        let half = 0.5 * SAFETY_GRID.cell_m / CELL_M as f32;
-        // The box round a turned cell reaches over two or three grid cells each way: two pooled looks hold them all.
-        let extent = half * (self.heading[0].abs() + self.heading[1].abs()) + SLACK;
-        let (low, high) = (-extent, extent - 1.0);
-        let mut looks = [NEVER; SAFETY_SIDE];
-        let rows = occupancy.chunks_exact_mut(SAFETY_SIDE).zip(age.chunks_exact_mut(SAFETY_SIDE));
-        let rows = rows.zip(still.chunks_exact_mut(SAFETY_SIDE)).enumerate();
-        for (row, ((occupancy, age), still)) in rows {
-            let (x_m, y_m) = SAFETY_GRID.centre(row, 0);
-            let mut most = [[0; LOOK]; SAFETY_SIDE];
-            for corner in [[low, low], [high, low], [low, high], [high, high]] {
-                self.sample(&self.pooled, x_m, y_m, SAFETY_GRID.cell_m, corner, &mut looks);
-                let sides = most.as_flattened_mut().iter_mut().zip(looks.as_flattened());
-                sides.for_each(|(most, look)| *most = (*most).max(*look));
-            }
-            for (col, [occupied, oldest, fresh, _]) in most.into_iter().enumerate() {
-                occupancy[col] = if oldest == AGE_NEVER { UNKNOWN.max(occupied) } else { occupied };
-                age[col] = oldest;
-                still[col] = STILL - fresh;
-            }
+        // A robot in the middle of the window is far from the edges of the view.
+        let [last_x, last_y] = self.at.map(|part| (part + 0.5) as usize % VIEW + SAFETY_SIDE / 2 - 1);
+        for index in 0..SAFETY_CELLS {
+            let (x, y) = (last_x - index / SAFETY_SIDE, last_y - index % SAFETY_SIDE);
+            let [occupied, seen, stood, _] = self.cells[(y * VIEW + x) % CELLS];
+            occupancy[index] = if seen == AGE_NEVER { UNKNOWN.max(occupied) } else { occupied };
+            age[index] = seen;
+            still[index] = stood;
         }
     }
 }
@@ -211,8 +168,8 @@ fn convert(grid: &Grid, start: usize, out: &mut [Look], now: &Moment, sonar_tick
         let tenths = (ticks / 10).min(u32::from(AGE_OLDER)) as u8;
         let known = seen != 0 && left > 0.0;
         let stood = (now.tick.saturating_sub(changed) / 10).min(u32::from(STILL)) as u8;
-        let fresh = if log_odds >= 0.0 { STILL - stood } else { 0 };
-        let mut look = if known { [table[usize::from(step)], tenths, fresh, 0] } else { NEVER };
+        let stood = if log_odds >= 0.0 { stood } else { STILL };
+        let mut look = if known { [table[usize::from(step)], tenths, stood, 0] } else { NEVER };
         let sonar_age = now.tick.saturating_sub(sonar);
         if sonar != 0 && sonar_age <= sonar_ticks {
             let age = (sonar_age / 10).min(u32::from(AGE_OLDER)) as u8;
@@ -227,20 +184,12 @@ mod tests {
     use super::*;
     use crate::config::Config;
     use proptest::prelude::*;
-
-    /// Whether two squares overlap: one aligned with the cell `x, y` of the window, one of side 1 turned by `yaw` round `at`.
-    fn overlaps(x: f64, y: f64, at: [f64; 2], yaw_rad: f64) -> bool {
-        let (sin, cos) = libm::sincos(yaw_rad);
-        let (dx, dy) = (x + 0.5 - at[0], y + 0.5 - at[1]);
-        let reach = 0.5 + 0.5 * (sin.abs() + cos.abs()) - 1e-9;
-        let (along, aside) = (cos * dx + sin * dy, cos * dy - sin * dx);
-        dx.abs() < reach && dy.abs() < reach && along.abs() < reach && aside.abs() < reach
-    }
+    use sidestep_msgs::{SAFETY_GRID, safety_frame};
 
     proptest! {
-        /// Random memory, random pose; each safety cell is compared with every grid cell it overlaps.
+        /// Random memory, random pose: a cell of the map is the cell of the grid that holds its centre.
         #[test]
-        fn the_safety_map_is_never_bolder_than_the_grid_below(
+        fn the_safety_map_shows_the_cells_of_the_grid(
             x_m in -50.0f64..50.0, y_m in -50.0f64..50.0, yaw_rad in -3.2f64..3.2, seed in any::<u64>()
         ) {
             let mut grid = Grid::new(&Config::shipped());
@@ -259,40 +208,16 @@ mod tests {
             view.refresh(&grid, &pose, &now, 0);
             let [mut occupancy, mut age, mut still] = [[0; SAFETY_CELLS]; 3];
             view.safety(&mut occupancy, &mut age, &mut still);
+            let frame = safety_frame(&pose);
             for index in (0..SAFETY_CELLS).step_by(7) {
-                let (bx, by) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-                let (ox_m, oy_m) = pose.transform(bx.into(), by.into());
-                let [ox, oy] = grid.origin();
-                let at = [ox_m / CELL_M - f64::from(ox), oy_m / CELL_M - f64::from(oy)];
-                for (dx, dy) in (0..25).map(|k| (k % 5 - 2, k / 5 - 2)) {
-                    let (x, y) = (at[0] as i32 + dx, at[1] as i32 + dy);
-                    if overlaps(x.into(), y.into(), at, yaw_rad) {
-                        let cell = view.cells[(y as usize - FIRST) * VIEW + x as usize - FIRST];
-                        let cautious = [occupancy[index], age[index], STILL - still[index]];
-                        prop_assert!((0..3).all(|part| cautious[part] >= cell[part]), "cell {index}");
-                    }
-                }
+                let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+                let (x_m, y_m) = frame.transform(x.into(), y.into());
+                let [x, y] = grid.window(x_m, y_m);
+                let cell = view.cells[(y as usize - FIRST) * VIEW + x as usize - FIRST];
+                let known = cell[1] != AGE_NEVER;
+                prop_assert_eq!(occupancy[index], if known { cell[0] } else { UNKNOWN.max(cell[0]) });
+                prop_assert_eq!([age[index], still[index]], [cell[1], cell[2]]);
             }
         }
-    }
-
-    /// A lone cell 1.02 m ahead, seen at a quarter turn: exactly the cells that touch it show it.
-    #[test]
-    fn a_lone_obstacle_is_widened_by_less_than_a_cell() {
-        let mut grid = Grid::new(&Config::shipped());
-        let now = Moment { tick: 1, drift_m: 0.0 };
-        let pose = Pose2::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
-        grid.recentre(&pose);
-        (0..SIDE * SIDE).for_each(|index| grid.set_free(index, &now));
-        let [x, y] = grid.window(0.02, 1.02);
-        grid.add(grid.index(x as usize, y as usize), 9.0, 1, &now);
-        let mut view = View::new();
-        view.refresh(&grid, &pose, &now, 0);
-        let [mut occupancy, mut age, mut still] = [[0; SAFETY_CELLS]; 3];
-        view.safety(&mut occupancy, &mut age, &mut still);
-        let shown = occupancy.iter().filter(|&&occupancy| occupancy > 128).count();
-        assert!((1..=9).contains(&shown), "{shown}");
-        let centre = SAFETY_GRID.index(1.02, -0.02).unwrap_or(0);
-        assert!(occupancy[centre] > 128);
     }
 }

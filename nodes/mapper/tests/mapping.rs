@@ -68,14 +68,22 @@ fn a_wall_lands_in_the_cells_where_it_stands() {
 
 /// Turned and moved robots see the same wall at the same place of `odom`.
 #[test]
-fn the_map_turns_with_the_robot() {
+fn the_local_map_turns_with_the_robot_and_the_safety_map_does_not() {
     let pose = Pose2::new(31.37, -12.81, 2.2);
     let (x, y) = pose.transform(1.5, 0.4);
     let post = Scene::default().stand([x - 0.05, x + 0.05], [y - 0.05, y + 0.05], 1.0);
     let mapper = looked(&post, &View::level(pose), 1, 3);
     let (local, safety) = (local(&mapper), safety(&mapper));
     assert!(local.occupancy[LOCAL_GRID.index(1.48, 0.4).unwrap()] > 200);
-    assert!(safety.occupancy[SAFETY_GRID.index(1.48, 0.4).unwrap()] > 200);
+    // The face towards the camera, as wide as a cell or two.
+    let occupied = (0..10).filter(|part| {
+        let (x, y) = pose.transform(1.42 + 0.01 * f64::from(*part), 0.4);
+        let (dx, dy) = safety.pose.inverse_transform(x, y);
+        safety.occupancy[SAFETY_GRID.index(dx as f32, dy as f32).unwrap()] > 200
+    });
+    assert!(occupied.count() >= 3);
+    let off = libm::hypot(safety.pose.x_m - pose.x_m, safety.pose.y_m - pose.y_m);
+    assert!(safety.base == pose && safety.pose.yaw_rad == 0.0 && off < 0.036, "{:?}", safety.pose);
     assert!(occupied_count(&local) <= 9, "{}", occupied_count(&local));
 }
 
@@ -219,21 +227,21 @@ fn sweep(range_m: impl Fn(f32) -> f32) -> Scan {
     scan
 }
 
-/// A round room of 1.5 m: a ring of obstacles, free inside; then the ring is gone, and it is cleared.
+/// A round room of 1.525 m: a ring of obstacles, free inside; then the ring is gone, and it is cleared.
 #[test]
 fn a_sweep_marks_its_ends_and_clears_its_way() {
     let config = Config { grant_start_disc: false, ..Config::shipped() };
     let mut mapper = Mapper::new(&config, &jackal()).unwrap();
     let view = View::level(Pose2::ORIGIN);
     for count in 1..=20 {
-        let range_m = if count <= 6 { 1.5 } else { f32::INFINITY };
+        let range_m = if count <= 6 { 1.525 } else { f32::INFINITY };
         let mut scan = sweep(|_| range_m);
         scan.capture_ns = PERIOD_NS * count;
         mapper.odometry(&view.odometry(scan.capture_ns));
         assert_eq!(mapper.scan(&scan), Status::Ok);
         if count == 6 {
             let map = safety(&mapper);
-            for (x, y) in [(1.5f32, 0.0f32), (0.0, 1.5), (1.06, 1.06), (1.06, -1.06)] {
+            for (x, y) in [(1.52f32, 0.01f32), (0.01, 1.52), (1.078, 1.078), (1.078, -1.078)] {
                 assert!(map.occupancy[SAFETY_GRID.index(x, y).unwrap()] > 200, "end at {x}, {y}");
                 let (x, y) = (0.9 * x, 0.9 * y);
                 let index = SAFETY_GRID.index(x, y).unwrap();
@@ -243,7 +251,7 @@ fn a_sweep_marks_its_ends_and_clears_its_way() {
         }
     }
     let map = safety(&mapper);
-    for (x, y) in [(1.5, 0.0), (0.0, 1.5), (1.06, 1.06), (1.9, 0.2)] {
+    for (x, y) in [(1.52, 0.01), (0.01, 1.52), (1.078, 1.078), (1.9, 0.2)] {
         let index = SAFETY_GRID.index(x, y).unwrap();
         assert!(is_free((map.occupancy[index], map.age[index])), "{x}, {y}: {}", map.occupancy[index]);
     }

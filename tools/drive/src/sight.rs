@@ -1,7 +1,7 @@
 //! How the robot sees: through its camera and the mapper, or the world itself drawn into both maps.
 
 use sidestep_mapper::{Widening, planning_cost};
-use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, STILL, SafetyMap};
+use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, STILL, SafetyMap, safety_frame};
 use sidestep_sim::{Solid, draw, seen_from};
 
 /// How the robot sees.
@@ -44,7 +44,10 @@ impl Surroundings<'_> {
     /// Fills both maps.
     pub(crate) fn write(&self, local: &mut LocalMap, safety: &mut SafetyMap) {
         (local.capture_ns, safety.capture_ns) = (self.capture_ns, self.capture_ns);
-        (local.pose, safety.pose) = (self.believed, self.believed);
+        (local.pose, safety.base) = (self.believed, self.believed);
+        safety.pose = safety_frame(&self.believed);
+        // The world from where the safety map's frame would truly be.
+        let frame = self.pose.compose(&self.believed.relative(&safety.pose));
         (local.pose_epoch, safety.pose_epoch) = (self.pose_epoch, self.pose_epoch);
         local.occupancy.fill(0);
         local.age.fill(0);
@@ -52,9 +55,8 @@ impl Surroundings<'_> {
         safety.age.fill(0);
         safety.still.fill(STILL);
         for solid in self.solids {
-            let solid = seen_from(solid, &self.pose);
-            draw(&solid, &LOCAL_GRID, &mut local.occupancy);
-            draw(&solid, &SAFETY_GRID, &mut safety.occupancy);
+            draw(&seen_from(solid, &self.pose), &LOCAL_GRID, &mut local.occupancy);
+            draw(&seen_from(solid, &frame), &SAFETY_GRID, &mut safety.occupancy);
         }
         planning_cost(
             &local.occupancy,

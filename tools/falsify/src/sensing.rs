@@ -1,7 +1,7 @@
 //! What reaches the arbiter, and when: maps, odometry and wishes, late, lost, repeated, or of a mapper just restarted.
 
 use crate::scenario::Channel;
-use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, Twist};
+use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, Twist, safety_frame};
 use sidestep_sim::{Random, Solid, draw, mix, seen_from};
 
 /// `[m]` half of the diagonal of a cell.
@@ -78,11 +78,14 @@ pub(crate) fn draw_map(
     blind_m: f32,
     map: &mut SafetyMap,
 ) {
-    map.pose = moment.believed;
+    map.base = moment.believed;
+    map.pose = safety_frame(&moment.believed);
     map.occupancy.fill(0);
     map.age.fill(0);
     map.still.fill(STILL);
-    let from = moment.pose;
+    // The map's frame where it truly is.
+    let from = moment.pose.compose(&moment.believed.relative(&map.pose));
+    let (at_x_m, at_y_m) = map.pose.inverse_transform(map.base.x_m, map.base.y_m);
     for Shown { solid, seen, moving } in shown {
         let solid = seen_from(solid, &from);
         // What is taken and what was never seen are the same number, in the one array or in the other.
@@ -94,7 +97,7 @@ pub(crate) fn draw_map(
     for (index, still) in map.still.iter_mut().enumerate().filter(|(_, still)| **still > STILL) {
         *still = 0;
         let (x_m, y_m) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        if x_m * x_m + y_m * y_m < blind_m * blind_m {
+        if libm::hypotf(x_m - at_x_m as f32, y_m - at_y_m as f32) < blind_m {
             map.age[index] = 0;
         }
     }

@@ -67,7 +67,7 @@ impl Judge {
         for index in 0..SAFETY_SIDE * SAFETY_SIDE {
             let (occupancy, age) = (map.occupancy[index], map.age[index]);
             let free = age != AGE_NEVER && occupancy < self.free_code;
-            if free || !self.concerns(index, target) {
+            if free || !self.concerns(map, index, target) {
                 continue;
             }
             is_free = false;
@@ -77,9 +77,11 @@ impl Judge {
     }
 
     /// Whether a cell lies in the way and belongs to the target.
-    fn concerns(&self, index: usize, target: &Target) -> bool {
+    fn concerns(&self, map: &SafetyMap, index: usize, target: &Target) -> bool {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        let (x, y, half) = (f64::from(x), f64::from(y), 0.5 * f64::from(SAFETY_GRID.cell_m));
+        let (x, y) = map.pose.transform(x.into(), y.into());
+        let (x, y) = map.base.inverse_transform(x, y);
+        let half = 0.5 * f64::from(SAFETY_GRID.cell_m);
         if y.abs() - half > self.half_width_m + self.margin_m {
             return false;
         }

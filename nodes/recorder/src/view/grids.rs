@@ -1,12 +1,13 @@
 //! Maps as grids.
 //!
 //! A map of the graph begins at its far left corner, row by row towards the robot. A grid begins at the corner of its
-//! pose, here the rear right one in `base`; its columns run along x, its rows along y. So row and column change places.
+//! pose, here the rear right one in the map's frame; its columns run along x, its rows along y. So row and column change
+//! places.
 
 use super::Seen;
 use super::channels::{LOCAL, SAFETY};
 use super::file_time::FileTime;
-use super::shapes::{BASE, pose};
+use super::shapes::{BASE, ODOM, pose};
 use super::sheet::Sheet;
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Grid, PackedElementField, Timestamp, Vector2};
@@ -16,15 +17,22 @@ pub(crate) fn take(seen: &Seen, time: &FileTime, sheet: &mut Sheet) {
     if let Some(map) = seen.read(LOCAL_MAP) {
         let layers: [(&str, &[u8]); 3] =
             [("occupancy", &map.occupancy), ("planning_cost", &map.planning_cost), ("age", &map.age)];
-        sheet.put(LOCAL, &grid(&LOCAL_GRID, &layers, time.stamp(map.capture_ns)));
+        sheet.put(LOCAL, &grid(&LOCAL_GRID, BASE, &Pose2::ORIGIN, &layers, time.stamp(map.capture_ns)));
     } else if let Some(map) = seen.read(SAFETY_MAP) {
-        let layers: [(&str, &[u8]); 2] = [("occupancy", &map.occupancy), ("age", &map.age)];
-        sheet.put(SAFETY, &grid(&SAFETY_GRID, &layers, time.stamp(map.capture_ns)));
+        let layers: [(&str, &[u8]); 3] =
+            [("occupancy", &map.occupancy), ("age", &map.age), ("still", &map.still)];
+        sheet.put(SAFETY, &grid(&SAFETY_GRID, ODOM, &map.pose, &layers, time.stamp(map.capture_ns)));
     }
 }
 
-/// Layers of one map side by side in each cell.
-fn grid(map: &sidestep_msgs::Grid, layers: &[(&str, &[u8])], stamp: Option<Timestamp>) -> Grid {
+/// Layers of one map, whose frame lies at a pose in `parent`, side by side in each cell.
+fn grid(
+    map: &sidestep_msgs::Grid,
+    parent: &str,
+    frame: &Pose2,
+    layers: &[(&str, &[u8])],
+    stamp: Option<Timestamp>,
+) -> Grid {
     let (side, stride) = (map.side, layers.len());
     let mut data = vec![0; side * side * stride];
     for (layer, (_, cells)) in layers.iter().enumerate() {
@@ -44,8 +52,8 @@ fn grid(map: &sidestep_msgs::Grid, layers: &[(&str, &[u8])], stamp: Option<Times
     };
     Grid {
         timestamp: stamp,
-        frame_id: BASE.into(),
-        pose: Some(pose(&Pose2::new(f64::from(map.rear_m), f64::from(map.right_m), 0.0), 0.0)),
+        frame_id: parent.into(),
+        pose: Some(pose(&frame.compose(&Pose2::new(map.rear_m.into(), map.right_m.into(), 0.0)), 0.0)),
         column_count: side as u32,
         cell_size: Some(Vector2 { x: cell_m, y: cell_m }),
         row_stride: (side * stride) as u32,
