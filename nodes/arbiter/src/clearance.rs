@@ -182,6 +182,16 @@ impl Outline {
         })
     }
 
+    /// The cells set in `rows` that the bare outline overlaps.
+    pub(crate) fn overlapped(&self, at: &Heading, rows: &Rows) -> Rows {
+        let mut overlapped = [0; SAFETY_SIDE];
+        self.rows::<()>(at, 0.0, |row, bits| {
+            overlapped[row] = rows[row] & bits?;
+            None
+        });
+        overlapped
+    }
+
     /// Clears in `rows` the cells of `which` whose centre the bare outline covers: the robot stands there.
     pub(crate) fn exempt(&self, at: &Heading, which: &Rows, rows: &mut Rows) {
         self.rows::<()>(at, 0.0, |row, bits| {
@@ -189,14 +199,19 @@ impl Outline {
             while hit != 0 {
                 let bit = hit.trailing_zeros();
                 hit &= hit - 1;
-                let x = (row as f32 + 0.5 - HALF) / CELLS_PER_M - at.x_m;
-                let y = (bit as f32 + 0.5 - HALF) / CELLS_PER_M - at.y_m;
-                if self.holds(at.cos * x + at.sin * y, at.cos * y - at.sin * x) {
+                let centre = [row as f32, bit as f32].map(|part| (part + 0.5 - HALF) / CELLS_PER_M);
+                if self.covers(at, centre) {
                     rows[row] &= !(1 << bit);
                 }
             }
             None
         });
+    }
+
+    /// Whether a point of the map lies inside the bare outline at a pose.
+    pub(crate) fn covers(&self, at: &Heading, point: [f32; 2]) -> bool {
+        let (x, y) = (point[0] - at.x_m, point[1] - at.y_m);
+        self.holds(at.cos * x + at.sin * y, at.cos * y - at.sin * x)
     }
 
     /// Whether a point of `base` lies inside the bare outline.

@@ -67,8 +67,7 @@ impl Arbiter {
             return Verdict { winner, wish, filtered };
         };
         if question.ways == Ways::Escapes {
-            let margin_m = self.tube.margin_at(&situation.at, &situation.old);
-            situation.old_margin_m = margin_m.unwrap_or(f32::NAN);
+            situation.old_margin_m = self.tube.margin_at(&situation.at, &situation.old);
         }
         let emergency = self.cap(&mut question, &situation, now_ns);
         let mut filtered = if emergency {
@@ -134,8 +133,10 @@ impl Arbiter {
     fn cap(&self, question: &mut Question, situation: &Situation, now_ns: u64) -> bool {
         let speed = question.wish.v_m_s.abs().max(1e-6);
         let mut most = f32::INFINITY;
-        if situation.margin_m < self.tube.full_margin_m() {
-            most = if situation.margin_m < 0.0 { OVERLAP_M_S } else { self.config.squeeze_m_s };
+        if situation.held.is_any() {
+            most = OVERLAP_M_S;
+        } else if situation.margin_m < self.tube.full_margin_m() {
+            most = self.config.squeeze_m_s;
         }
         let sees = |sign| ahead(&self.memory.inputs, &self.config, &self.robot, &self.outline, now_ns, sign);
         if let Some(seen) = sees(question.wish.v_m_s.signum()) {
@@ -157,7 +158,10 @@ impl Arbiter {
         // What the robot covers it does not see: its own floor is free where it is not occupied.
         let covered = std::array::from_fn(|row| !self.space.blocked[row] | self.space.unknown[row]);
         self.outline.exempt(&at, &covered, &mut old);
-        let margin_m = self.tube.margin_at(&at, &blocked)?;
+        let held = self.tube.hold(&at, &mut blocked)?;
+        let under = self.outline.overlapped(&at, &old);
+        old.iter_mut().zip(under).for_each(|(old, under)| *old &= !under);
+        let margin_m = self.tube.margin_at(&at, &blocked);
         let mut pending = [Pending::default(); SENT_MAX];
         let reach_s = self.robot.actuator.dead_time_max_s;
         let pending_count = self.memory.queue.pending(odometry.stamp_ns, reach_s, &mut pending);
@@ -173,6 +177,7 @@ impl Arbiter {
             old_margin_m: f32::NAN,
             blocked,
             old,
+            held,
         })
     }
 }

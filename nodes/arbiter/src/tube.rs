@@ -7,6 +7,7 @@
 
 use crate::clearance::{FreeSpace, Heading, Outline, Rows};
 use crate::config::Config;
+use crate::held::Held;
 use crate::limits::{Limiter, Motion};
 use crate::queue::{Pending, SENT_MAX};
 use sidestep_msgs::{NO_CELL, Robot, Twist};
@@ -18,6 +19,8 @@ const STEPS_MAX: usize = 800;
 /// `[m/s]` and [rad/s]: slower is rest.
 const REST_M_S: f32 = 0.005;
 const REST_RAD_S: f32 = 0.01;
+/// `[m]` longest motion between two looks of a robot that stands in a cell.
+const HELD_GAP_M: f32 = 0.004;
 /// `[m]` most by which the error of the turn rate widens the footprint along the path.
 const TURN_ERROR_MOST_M: f32 = 0.015;
 
@@ -55,6 +58,8 @@ pub(crate) struct Situation {
     pub(crate) blocked: Rows,
     /// The same for backing up.
     pub(crate) old: Rows,
+    /// Those of them that the robot stands in, which neither has.
+    pub(crate) held: Held,
 }
 
 /// A candidate command with the brake that would follow it.
@@ -66,6 +71,15 @@ pub(crate) struct Candidate {
     pub(crate) comfort: bool,
     /// Whether it may only cross cells seen lately.
     pub(crate) lately_seen: bool,
+}
+
+/// The members of the identified set that a candidate is swept for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Corners {
+    /// What a command needs to leave.
+    All,
+    /// The member that goes farthest, which mostly decides.
+    Longest,
 }
 
 /// What is in the way.
@@ -179,17 +193,20 @@ impl Tube {
         self.full_margin_m
     }
 
-    /// `[m]` the largest widening, up to the full one, with which the robot stands free; `None` where it overlaps
-    /// cells deeper than the configured overlap.
-    pub(crate) fn margin_at(&self, at: &Heading, blocked: &Rows) -> Option<f32> {
+    /// Takes out of `blocked` the cells that the robot stands in; `None` where it stands in them deeper than the configured
+    /// overlap.
+    pub(crate) fn hold(&self, at: &Heading, blocked: &mut Rows) -> Option<Held> {
+        let too_deep = self.outline.blocked(at, -self.overlap_m, blocked).is_some();
+        if too_deep { None } else { Held::take(&self.outline, at, blocked) }
+    }
+
+    /// `[m]` the largest widening, up to the full one, with which a robot that stands in no cell of them stands free.
+    pub(crate) fn margin_at(&self, at: &Heading, blocked: &Rows) -> f32 {
         let free = |margin| self.outline.blocked(at, margin, blocked).is_none();
         if free(self.full_margin_m) {
-            return Some(self.full_margin_m);
+            return self.full_margin_m;
         }
-        let (mut low, mut high) = (-self.overlap_m, self.full_margin_m);
-        if !free(low) {
-            return None;
-        }
+        let (mut low, mut high) = (0.0, self.full_margin_m);
         for _ in 0..5 {
             let middle = 0.5 * (low + high);
             if free(middle) {
@@ -198,10 +215,10 @@ impl Tube {
                 high = middle;
             }
         }
-        Some(low)
+        low
     }
 
-    /// Sweeps a candidate for every corner.
+    /// Sweeps a candidate for some corners.
     ///
     /// # Errors
     /// What is in the way.
@@ -210,8 +227,13 @@ impl Tube {
         situation: &Situation,
         space: &FreeSpace,
         candidate: &Candidate,
+        corners: Corners,
     ) -> Result<(), Hit> {
-        self.corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
+        let corners = match corners {
+            Corners::All => &self.corners[..],
+            Corners::Longest => &self.corners[..1],
+        };
+        corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
     }
 
     fn sweep(
@@ -288,13 +310,19 @@ impl Tube {
             margin_m += error_m.min(TURN_ERROR_MOST_M);
         }
         let slack_m = space.clearance_m(at.x_m, at.y_m) - self.outline.radius_m(margin_m);
-        let allowed_m = if !candidate.lately_seen && slack_m >= self.gap_m {
+        let mut allowed_m = if !candidate.lately_seen && slack_m >= self.gap_m {
             slack_m
         } else {
             let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
             let hit = self.outline.blocked(at, margin_m, rows);
             hit.map_or(Ok(self.gap_m), |cell| Err(Hit::standing(cell)))?
         };
+        if situation.held.is_any() {
+            if let Some(cell) = situation.held.entered(&self.outline, at) {
+                return Err(Hit::standing(cell));
+            }
+            allowed_m = HELD_GAP_M;
+        }
         if !situation.movers {
             return Ok(allowed_m);
         }

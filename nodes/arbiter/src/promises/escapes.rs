@@ -95,19 +95,28 @@ fn before_what_nobody_saw_it_backs_up_soon_and_before_what_stands_there_it_waits
     assert!(late - soon > 150, "{soon} {late}");
 }
 
-/// A wall across the way and a wish straight at it: it turns to where the goal lies, or to where the wish turns.
+/// A wall across the way and a wish straight at it: it backs off until it can turn, to where the goal lies or, where the
+/// wish turns, to that side.
 #[test]
 fn it_turns_to_the_side_of_the_wish_or_else_of_the_goal() {
-    for (turn, y_m, side) in [(0.0, 1.0, 1.0), (0.0, -1.0, -1.0), (0.06, -1.0, 1.0), (-0.06, 1.0, -1.0f32)] {
+    for side in [1.0, -1.0f32] {
+        let until = |stage: &mut Stage, reason: Reason| {
+            while stage.command.reason != reason as u32 {
+                let goal = LocalGoal { capture_ns: stage.now_ns, y_m: side, ..LocalGoal::default() };
+                stage.arbiter.local_goal(&goal, &Header::default());
+                stage.tick();
+            }
+        };
         let mut stage = Stage::new(&CONFIG, &[[0.42, -3.0, 1.5, 3.0]]);
-        stage.wish = Twist::new(0.5, turn);
+        stage.wish = Twist::new(0.5, 0.0);
         stage.mute.goal = true;
-        while stage.command.reason != Reason::Rotating as u32 {
-            let goal = LocalGoal { capture_ns: stage.now_ns, y_m, ..LocalGoal::default() };
-            stage.arbiter.local_goal(&goal, &Header::default());
-            stage.tick();
-        }
-        assert!(stage.command.twist.w_rad_s * side > 0.0, "{turn} {y_m}: {:?}", stage.command);
+        until(&mut stage, Reason::Reversing);
+        let mut turning = stage.clone();
+        until(&mut stage, Reason::Rotating);
+        assert!(stage.command.twist.w_rad_s * side > 0.0, "goal {side}: {:?}", stage.command);
+        turning.wish.w_rad_s = -0.06 * side;
+        until(&mut turning, Reason::Rotating);
+        assert!(turning.command.twist.w_rad_s * side < 0.0, "wish {side}: {:?}", turning.command);
     }
 }
 
@@ -170,7 +179,7 @@ fn cells_seen_long_ago_carry_the_robot_on() {
 /// A box just beside the flank, inside the margin: it may leave, slowly, and not come nearer.
 #[test]
 fn a_robot_with_something_inside_its_margin_leaves_without_coming_nearer() {
-    for gap in [0.002, 0.01, 0.02, 0.04] {
+    for gap in [0.033, 0.04, 0.05] {
         let side = 0.285 + gap;
         let mut stage = Stage::new(&CONFIG, &[[-0.3, side, 0.3, side + 0.2]]);
         stage.wish = Twist::new(0.5, 0.0);
@@ -180,6 +189,27 @@ fn a_robot_with_something_inside_its_margin_leaves_without_coming_nearer() {
             assert!(stage.gap_m() > start - 0.006, "gap {gap}: {} {:?}", stage.gap_m(), stage.pose);
         }
         assert!(stage.pose.x_m > 1.0, "gap {gap}: {:?} {:?}", stage.pose, stage.command);
+    }
+}
+
+/// A box so near that the robot stands in cells it reaches into: nearer cells of it ahead could hold it anywhere, so the
+/// robot stays, but for where it leads away from all of them; beside its front half alone it backs out.
+#[test]
+fn a_robot_that_stands_in_cells_enters_no_more_of_them() {
+    for (rear, leaves) in [(-0.6, false), (0.1, true)] {
+        for gap in [0.002, 0.01, 0.02] {
+            let side = 0.285 + gap;
+            let mut stage = Stage::new(&CONFIG, &[[rear, side, 0.6, side + 0.2]]);
+            stage.wish = Twist::new(0.5, 0.3);
+            let start = stage.gap_m();
+            let mut least_m = 0.0f64;
+            for _ in 0..1000 {
+                stage.tick();
+                least_m = least_m.min(stage.pose.x_m);
+                assert!(stage.gap_m() > start - 0.002, "gap {gap}: {} {:?}", stage.gap_m(), stage.pose);
+            }
+            assert_eq!(least_m < -0.05, leaves, "gap {gap}: {least_m} {:?}", stage.command);
+        }
     }
 }
 

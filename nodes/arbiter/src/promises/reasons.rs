@@ -43,7 +43,7 @@ fn wishes_and_walls_reach_their_reasons() {
     reach(Reason::Clear, &mut stage(&[]), 0, |_, _| ());
     reach(Reason::Slowed, &mut stage(&wall(1.2)), 0, |_, _| ());
     // Beside the flanks there is room to go on, none to turn.
-    let mut lane = stage(&[[-3.0, 0.31, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.31]]);
+    let mut lane = stage(&[[-3.0, 0.32, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.32]]);
     lane.wish = Twist::new(0.3, 0.5);
     reach(Reason::Straight, &mut lane, 0, |_, _| ());
     reach(Reason::Rotating, &mut stage(&wall(0.8)), 0, |_, _| ());
