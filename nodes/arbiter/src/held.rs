@@ -63,3 +63,45 @@ impl Held {
         SAFETY_GRID.index(entered[0], entered[1]).map(|cell| cell as u32)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::loomo;
+
+    const HERE: Heading = Heading { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
+
+    fn cell(rows: &mut Rows, x_m: f32, y_m: f32) -> (usize, u32) {
+        let number = |part_m: f32| (libm::floorf(part_m / SAFETY_GRID.cell_m) + 40.0) as usize;
+        let (row, bit) = (number(x_m), number(y_m) as u32);
+        rows[row] |= 1 << bit;
+        (row, bit)
+    }
+
+    /// A cell under the left flank: it may be slid along and left, not turned or moved into; a cell beside it stays taken.
+    #[test]
+    fn no_more_of_a_cell_is_entered_than_is_covered() {
+        let outline = Outline::new(&loomo()).unwrap();
+        let mut rows = [0; SAFETY_SIDE];
+        let (row, bit) = cell(&mut rows, 0.0, outline.half_width_m - 0.01);
+        let (other, beside) = cell(&mut rows, 0.0, outline.half_width_m + 0.06);
+        let held = Held::take(&outline, &HERE, &mut rows).unwrap();
+        assert!(held.is_any() && rows[row] >> bit & 1 == 0 && rows[other] >> beside & 1 == 1);
+        let enters = |at: &Heading| held.entered(&outline, at).is_some();
+        for (x_m, y_m, expected) in [(0.0, 0.0, false), (0.1, 0.0, false), (0.0, -0.02, false), (0.0, 0.02, true)] {
+            assert_eq!(enters(&Heading { x_m, y_m, ..HERE }), expected, "{x_m} {y_m}");
+        }
+        let (sin, cos) = libm::sincosf(0.1);
+        assert!(enters(&Heading { sin, cos, ..HERE }));
+    }
+
+    #[test]
+    fn a_robot_that_stands_in_none_holds_none_and_one_in_the_midst_of_many_is_not_said_to_be_safe() {
+        let outline = Outline::new(&loomo()).unwrap();
+        let held = Held::take(&outline, &HERE, &mut [0; SAFETY_SIDE]).unwrap();
+        assert!(!held.is_any() && held.entered(&outline, &HERE).is_none());
+        // All round the edge of the outline, turned across the cells.
+        let turned = Heading { cos: 0.8, sin: 0.6, ..HERE };
+        assert!(Held::take(&outline, &turned, &mut [u128::MAX; SAFETY_SIDE]).is_none());
+    }
+}

@@ -10,7 +10,7 @@ pub enum Assumption {
     Brake,
     /// A command works within the robot file's longest dead time.
     DeadTime,
-    /// The pose drifts less than the margin since a map's capture.
+    /// The pose drifts less than the margin since what is in the map was seen.
     Drift,
     /// What stands there is in the map before a tube enters it.
     Recall,

@@ -225,11 +225,12 @@ impl<'a> Run<'a> {
     fn sense(&mut self, tick: u64) {
         let drift = &self.scenario.drift;
         let side = if (tick / drift.ticks).is_multiple_of(2) { 1.0 } else { -1.0 };
-        let offset = Pose2::new(side * drift.x_m, side * drift.y_m, side * drift.yaw_rad);
+        let off = |side: f64| Pose2::new(side * drift.x_m, side * drift.y_m, side * drift.yaw_rad);
         let moment = Moment {
             tick,
             pose: self.base.pose,
-            believed: self.base.pose.compose(&offset),
+            believed: self.base.pose.compose(&off(side)),
+            remembered: self.base.pose.compose(&off(-side)),
             twist: self.base.twist(),
         };
         self.history.push(moment);

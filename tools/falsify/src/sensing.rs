@@ -15,6 +15,8 @@ pub(crate) struct Moment {
     pub(crate) pose: Pose2,
     /// Pose in `odom`.
     pub(crate) believed: Pose2,
+    /// Pose in `odom` by the error that there was when what is in the map was seen.
+    pub(crate) remembered: Pose2,
     pub(crate) twist: Twist,
 }
 
@@ -83,8 +85,8 @@ pub(crate) fn draw_map(
     map.occupancy.fill(0);
     map.age.fill(0);
     map.still.fill(STILL);
-    // The map's frame where it truly is.
-    let from = moment.pose.compose(&moment.believed.relative(&map.pose));
+    // Where the map's frame was when that was seen.
+    let from = moment.pose.compose(&moment.remembered.relative(&map.pose));
     let (at_x_m, at_y_m) = map.pose.inverse_transform(map.base.x_m, map.base.y_m);
     for Shown { solid, seen, moving } in shown {
         let solid = seen_from(solid, &from);
