@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x919c_651f_96f5_2ccf,
+        content_hash: 0x8e22_0230_3051_0294,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x64f0_514e_d65b_2b15,
+        content_hash: 0x5497_e6a2_f5ca_4930,
     },
 ];
 
