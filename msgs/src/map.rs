@@ -57,7 +57,7 @@ impl Grid {
         self.row_col(x_m, y_m).map(|(row, col)| row * self.side + col)
     }
 
-    /// Centre of a cell in `base`.
+    /// Centre of a cell in the map's frame.
     #[must_use]
     pub fn centre(&self, row: usize, col: usize) -> (f32, f32) {
         let forward = (self.side - 1 - row) as f32 + 0.5;
@@ -90,11 +90,12 @@ pub const fn probability_code(probability: f32) -> u8 {
     (probability * 255.0) as u8
 }
 
-/// The frame of a safety map made at a pose of `base`.
+/// The frame of a safety map made at a pose of `base`: its axes are those of `odom`, its origin is the corner of the cells of
+/// 0.05 m there that is nearest to the robot.
 #[must_use]
 pub fn safety_frame(base: &Pose2) -> Pose2 {
-    let cell_m = f64::from(SAFETY_GRID.cell_m);
-    let corner = |position_m: f64| libm::round(position_m / cell_m) * cell_m;
+    const CELL_M: f64 = 0.05;
+    let corner = |position_m: f64| libm::floor(position_m / CELL_M + 0.5) * CELL_M;
     Pose2::new(corner(base.x_m), corner(base.y_m), 0.0)
 }
 

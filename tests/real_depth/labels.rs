@@ -76,7 +76,6 @@ impl Label {
 
     /// Asks the map, which must be of the same image.
     pub(crate) fn ask(&self, frame: &DepthFrame, map: &SafetyMap) -> Verdict {
-        // The age is that of the oldest cell overlapped, so that it says nothing of an occupied one.
         let is_occupied = |at: usize| map.occupancy[at] > OCCUPIED;
         let mut verdict = Verdict::default();
         for cell in self.cells(frame, map) {

@@ -7,7 +7,7 @@ use crate::config::{Config, ConfigError};
 use crate::movers::{Movers, Sight};
 use sidestep_msgs::{AGE_NEVER, NO_CELL, Pose2, Robot, SAFETY_SIDE, SafetyMap, probability_code};
 
-/// Rows of bits: row = cells ahead of the rear edge, bit = cells left of the right edge.
+/// Rows of bits: row = cells along x from the map's edge on, bit = cells along y.
 pub(crate) type Rows = [u128; SAFETY_SIDE];
 /// Dilated copies: the farthest distance known from one look is this many cells.
 const LEVELS: usize = 16;
@@ -41,6 +41,8 @@ pub(crate) struct Outline {
     corners: [[f32; 2]; CORNERS],
     /// Motion of each corner per metre of margin: the outline keeps sharp corners.
     outward: [[f32; 2]; CORNERS],
+    /// Outward normal of the edge from each corner on.
+    normals: [[f32; 2]; CORNERS],
     count: usize,
     radius_m: f32,
     outward_most: f32,
@@ -65,6 +67,7 @@ impl Outline {
         let mut outline = Self {
             corners: [[0.0; 2]; CORNERS],
             outward: [[0.0; 2]; CORNERS],
+            normals: [[0.0; 2]; CORNERS],
             count,
             radius_m: robot.radius_m(),
             outward_most: 0.0,
@@ -87,6 +90,7 @@ impl Outline {
             }
             let scale = 1.0 / (1.0 + a[0] * b[0] + a[1] * b[1]);
             outline.corners[i] = here;
+            outline.normals[i] = b;
             outline.outward[i] = [(a[0] + b[0]) * scale, (a[1] + b[1]) * scale];
             let reach = libm::hypotf(outline.outward[i][0], outline.outward[i][1]);
             outline.outward_most = outline.outward_most.max(reach);
@@ -182,10 +186,10 @@ impl Outline {
         })
     }
 
-    /// The cells set in `rows` that the bare outline overlaps.
-    pub(crate) fn overlapped(&self, at: &Heading, rows: &Rows) -> Rows {
+    /// The cells set in `rows` that the widened outline overlaps.
+    pub(crate) fn overlapped(&self, at: &Heading, margin_m: f32, rows: &Rows) -> Rows {
         let mut overlapped = [0; SAFETY_SIDE];
-        self.rows::<()>(at, 0.0, |row, bits| {
+        self.rows::<()>(at, margin_m, |row, bits| {
             overlapped[row] = rows[row] & bits?;
             None
         });
@@ -209,9 +213,25 @@ impl Outline {
     }
 
     /// Whether a point of the map lies inside the bare outline at a pose.
-    pub(crate) fn covers(&self, at: &Heading, point: [f32; 2]) -> bool {
+    fn covers(&self, at: &Heading, point: [f32; 2]) -> bool {
         let (x, y) = (point[0] - at.x_m, point[1] - at.y_m);
         self.holds(at.cos * x + at.sin * y, at.cos * y - at.sin * x)
+    }
+
+    /// `[m]` the widening with which the outline at a pose would reach each point of the map; negative where it covers it.
+    pub(crate) fn beyond_m<const N: usize>(&self, at: &Heading, x_m: &[f32; N], y_m: &[f32; N]) -> [f32; N] {
+        let mut beyond = [f32::MIN; N];
+        for edge in 0..self.count {
+            let [nx, ny] = self.normals[edge];
+            let [cx, cy] = self.corners[edge];
+            // The normal in the axes of the map, and how far the edge lies along it.
+            let (mx, my) = (at.cos * nx - at.sin * ny, at.sin * nx + at.cos * ny);
+            let edge_m = nx * cx + ny * cy + mx * at.x_m + my * at.y_m;
+            for ((beyond, x_m), y_m) in beyond.iter_mut().zip(x_m).zip(y_m) {
+                *beyond = beyond.max(mx * x_m + my * y_m - edge_m);
+            }
+        }
+        beyond
     }
 
     /// Whether a point of `base` lies inside the bare outline.

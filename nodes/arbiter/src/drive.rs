@@ -67,7 +67,7 @@ impl Arbiter {
             return Verdict { winner, wish, filtered };
         };
         if question.ways == Ways::Escapes {
-            situation.old_margin_m = self.tube.margin_at(&situation.at, &situation.old);
+            situation.old_margin_m = self.tube.margin_at(&situation.at, &situation.old, 0.0);
         }
         let emergency = self.cap(&mut question, &situation, now_ns);
         let mut filtered = if emergency {
@@ -158,10 +158,11 @@ impl Arbiter {
         // What the robot covers it does not see: its own floor is free where it is not occupied.
         let covered = std::array::from_fn(|row| !self.space.blocked[row] | self.space.unknown[row]);
         self.outline.exempt(&at, &covered, &mut old);
+        let taken = blocked;
         let held = self.tube.hold(&at, &mut blocked)?;
-        let under = self.outline.overlapped(&at, &old);
+        let under = self.outline.overlapped(&at, 0.0, &old);
         old.iter_mut().zip(under).for_each(|(old, under)| *old &= !under);
-        let margin_m = self.tube.margin_at(&at, &blocked);
+        let margin_m = self.tube.margin_at(&at, &blocked, self.tube.least_margin_m());
         let mut pending = [Pending::default(); SENT_MAX];
         let reach_s = self.robot.actuator.dead_time_max_s;
         let pending_count = self.memory.queue.pending(odometry.stamp_ns, reach_s, &mut pending);
@@ -178,6 +179,7 @@ impl Arbiter {
             blocked,
             old,
             held,
+            taken,
         })
     }
 }

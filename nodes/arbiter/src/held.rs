@@ -1,55 +1,56 @@
-//! The cells that the robot already stands in. A thing that touches a corner of a cell takes all of it, and a map drawn
-//! anew from a turned robot draws other cells: so a robot that touches nothing overlaps some now and then. What it covers
-//! of such a cell is free, since it is there; no more of it is entered.
+//! The cells that are nearer to the robot than its margin, and those that it stands in. A thing that touches a corner of a
+//! cell takes all of it, so a robot that touches nothing may be as near, or overlap some. It comes no nearer to any part of
+//! them than it is: wherever in them the thing stands, and however far the pose is off, it is not met.
 
 use crate::clearance::{Heading, Outline, Rows};
-use sidestep_msgs::{SAFETY_GRID, SAFETY_SIDE};
+use sidestep_msgs::{NO_CELL, SAFETY_GRID, SAFETY_SIDE};
 
-/// Points along a side of a cell: 6 mm apart.
-const POINTS: usize = 8;
-/// Most points kept; a robot in the midst of more stands still.
-const MOST: usize = 1024;
+/// Points along a side of a cell: 1 cm apart.
+const SIDE: usize = 5;
+const POINTS: usize = SIDE * SIDE;
+/// Most cells kept; a robot in the midst of more stands still.
+const MOST: usize = 160;
+/// `[m]` deeper inside the outline nothing is asked: the robot is there.
+const DEEP_M: f32 = 0.02;
+/// `[m]` that rounding may take.
+const ROUNDING_M: f32 = 1e-5;
 
-/// Points of the cells that the robot stands in which it does not cover, in the frame of the map.
+/// A cell: its points, in the frame of the map, and how far each lies beyond the outline.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    x_m: [f32; POINTS],
+    y_m: [f32; POINTS],
+    least_m: [f32; POINTS],
+}
+
+/// The cells, each part with the distance that is kept from it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Held {
-    points: [[f32; 2]; MOST],
+    cells: [Cell; MOST],
     count: usize,
 }
 
 impl Held {
     /// No cell is held.
-    pub(crate) const NONE: Self = Self { points: [[0.0; 2]; MOST], count: 0 };
+    pub(crate) const NONE: Self = Self {
+        cells: [Cell { x_m: [0.0; POINTS], y_m: [0.0; POINTS], least_m: [0.0; POINTS] }; MOST],
+        count: 0,
+    };
 
-    /// Takes out of `rows` what the bare outline overlaps; `None` where that is more than can be kept.
-    pub(crate) fn take(outline: &Outline, at: &Heading, rows: &mut Rows) -> Option<Self> {
+    /// Takes out of `rows` what lies nearer to the outline than `margin_m`; `None` where that is more than can be kept.
+    pub(crate) fn take(outline: &Outline, at: &Heading, margin_m: f32, rows: &mut Rows) -> Option<Self> {
         let mut held = Self::NONE;
-        for (row, bits) in outline.overlapped(at, rows).into_iter().enumerate() {
+        for (row, bits) in outline.overlapped(at, margin_m, rows).into_iter().enumerate() {
             rows[row] &= !bits;
             let mut left = bits;
             while left != 0 {
-                held.hold(outline, at, row, left.trailing_zeros())?;
+                *held.cells.get_mut(held.count)? =
+                    Cell::new(outline, at, margin_m, [row as u32, left.trailing_zeros()]);
+                held.count += 1;
                 left &= left - 1;
             }
         }
         Some(held)
-    }
-
-    /// Keeps the points of a cell that are not covered.
-    fn hold(&mut self, outline: &Outline, at: &Heading, row: usize, bit: u32) -> Option<()> {
-        let part_m = SAFETY_GRID.cell_m / POINTS as f32;
-        let middle = 0.5 * SAFETY_SIDE as f32;
-        let along = |cell: usize, point: usize| {
-            (cell as f32 - middle) * SAFETY_GRID.cell_m + (point as f32 + 0.5) * part_m
-        };
-        for point in 0..POINTS * POINTS {
-            let place = [along(row, point / POINTS), along(bit as usize, point % POINTS)];
-            if !outline.covers(at, place) {
-                *self.points.get_mut(self.count)? = place;
-                self.count += 1;
-            }
-        }
-        Some(())
     }
 
     /// Whether any cell is held.
@@ -57,10 +58,27 @@ impl Held {
         self.count > 0
     }
 
-    /// The cell of which a pose would cover more.
-    pub(crate) fn entered(&self, outline: &Outline, at: &Heading) -> Option<u32> {
-        let entered = self.points[..self.count].iter().find(|point| outline.covers(at, **point))?;
-        SAFETY_GRID.index(entered[0], entered[1]).map(|cell| cell as u32)
+    /// The cell to a part of which a pose would come nearer.
+    pub(crate) fn approached(&self, outline: &Outline, at: &Heading) -> Option<u32> {
+        self.cells[..self.count].iter().find_map(|cell| {
+            let beyond = outline.beyond_m(at, &cell.x_m, &cell.y_m);
+            let nearer = beyond.iter().zip(&cell.least_m).any(|(is, least)| is < least);
+            nearer.then(|| SAFETY_GRID.index(cell.x_m[0], cell.y_m[0]).map_or(NO_CELL, |cell| cell as u32))
+        })
+    }
+}
+
+impl Cell {
+    fn new(outline: &Outline, at: &Heading, margin_m: f32, place: [u32; 2]) -> Self {
+        let part_m = SAFETY_GRID.cell_m / SIDE as f32;
+        let [first_x_m, first_y_m] =
+            place.map(|cell| (cell as f32 - 0.5 * SAFETY_SIDE as f32) * SAFETY_GRID.cell_m + 0.5 * part_m);
+        let x_m = std::array::from_fn(|point| first_x_m + part_m * (point / SIDE) as f32);
+        let y_m = std::array::from_fn(|point| first_y_m + part_m * (point % SIDE) as f32);
+        let least_m = outline
+            .beyond_m(at, &x_m, &y_m)
+            .map(|beyond_m| if beyond_m < -DEEP_M { f32::MIN } else { beyond_m.min(margin_m) - ROUNDING_M });
+        Self { x_m, y_m, least_m }
     }
 }
 
@@ -71,37 +89,61 @@ mod tests {
 
     const HERE: Heading = Heading { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
 
-    fn cell(rows: &mut Rows, x_m: f32, y_m: f32) -> (usize, u32) {
+    fn set(rows: &mut Rows, x_m: f32, y_m: f32) -> (usize, u32) {
         let number = |part_m: f32| (libm::floorf(part_m / SAFETY_GRID.cell_m) + 40.0) as usize;
         let (row, bit) = (number(x_m), number(y_m) as u32);
         rows[row] |= 1 << bit;
         (row, bit)
     }
 
-    /// A cell under the left flank: it may be slid along and left, not turned or moved into; a cell beside it stays taken.
+    /// A cell under the left flank, or just beside it: it may be slid along and left, not turned or moved towards. One
+    /// farther off stays as it is.
     #[test]
-    fn no_more_of_a_cell_is_entered_than_is_covered() {
+    fn nothing_that_is_held_is_approached() {
         let outline = Outline::new(&loomo()).unwrap();
-        let mut rows = [0; SAFETY_SIDE];
-        let (row, bit) = cell(&mut rows, 0.0, outline.half_width_m - 0.01);
-        let (other, beside) = cell(&mut rows, 0.0, outline.half_width_m + 0.06);
-        let held = Held::take(&outline, &HERE, &mut rows).unwrap();
-        assert!(held.is_any() && rows[row] >> bit & 1 == 0 && rows[other] >> beside & 1 == 1);
-        let enters = |at: &Heading| held.entered(&outline, at).is_some();
-        for (x_m, y_m, expected) in [(0.0, 0.0, false), (0.1, 0.0, false), (0.0, -0.02, false), (0.0, 0.02, true)] {
-            assert_eq!(enters(&Heading { x_m, y_m, ..HERE }), expected, "{x_m} {y_m}");
+        for at in [HERE, Heading { y_m: 0.005, ..HERE }, Heading { y_m: -0.015, ..HERE }] {
+            let mut rows = [0; SAFETY_SIDE];
+            let (row, bit) = set(&mut rows, 0.0, 0.30 - 0.01);
+            let (other, beside) = set(&mut rows, 0.0, 0.36);
+            let held = Held::take(&outline, &at, 0.015, &mut rows).unwrap();
+            assert!(held.is_any() && rows[row] >> bit & 1 == 0 && rows[other] >> beside & 1 == 1);
+            let nearer = |pose: &Heading| held.approached(&outline, pose).is_some();
+            for (x_m, y_m, expected) in
+                [(0.0, 0.0, false), (0.1, 0.0, false), (0.0, -0.02, false), (0.0, 0.002, true)]
+            {
+                assert_eq!(
+                    nearer(&Heading { x_m, y_m: at.y_m + y_m, ..at }),
+                    expected,
+                    "{} {x_m} {y_m}",
+                    at.y_m
+                );
+            }
+            let (sin, cos) = libm::sincosf(0.02);
+            assert!(nearer(&Heading { sin, cos, ..at }));
         }
-        let (sin, cos) = libm::sincosf(0.1);
-        assert!(enters(&Heading { sin, cos, ..HERE }));
     }
 
     #[test]
-    fn a_robot_that_stands_in_none_holds_none_and_one_in_the_midst_of_many_is_not_said_to_be_safe() {
+    fn a_robot_near_nothing_holds_nothing_and_one_in_the_midst_of_too_much_is_not_said_to_be_safe() {
         let outline = Outline::new(&loomo()).unwrap();
-        let held = Held::take(&outline, &HERE, &mut [0; SAFETY_SIDE]).unwrap();
-        assert!(!held.is_any() && held.entered(&outline, &HERE).is_none());
-        // All round the edge of the outline, turned across the cells.
-        let turned = Heading { cos: 0.8, sin: 0.6, ..HERE };
-        assert!(Held::take(&outline, &turned, &mut [u128::MAX; SAFETY_SIDE]).is_none());
+        let held = Held::take(&outline, &HERE, 0.015, &mut [0; SAFETY_SIDE]).unwrap();
+        assert!(!held.is_any() && held.approached(&outline, &HERE).is_none());
+        assert!(Held::take(&outline, &HERE, 0.3, &mut [u128::MAX; SAFETY_SIDE]).is_none());
+    }
+
+    /// Ahead, beside and within: the widening with which the outline reaches a point.
+    #[test]
+    fn how_far_a_point_lies_beyond_the_outline_is_told_in_metres() {
+        let outline = Outline::new(&loomo()).unwrap();
+        let (sin, cos) = libm::sincosf(0.7);
+        let at = Heading { x_m: 0.11, y_m: -0.07, cos, sin };
+        let ahead = [at.x_m + cos * (outline.front_m + 0.2), at.y_m + sin * (outline.front_m + 0.2)];
+        let left = [at.x_m - sin * (outline.half_width_m + 0.1), at.y_m + cos * (outline.half_width_m + 0.1)];
+        let within = [at.x_m + cos * (outline.front_m - 0.01), at.y_m + sin * (outline.front_m - 0.01)];
+        let [x_m, y_m] = [0, 1].map(|axis| [ahead[axis], left[axis], within[axis]]);
+        let found = outline.beyond_m(&at, &x_m, &y_m);
+        for (found, expected) in found.into_iter().zip([0.2, 0.1, -0.01]) {
+            assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+        }
     }
 }

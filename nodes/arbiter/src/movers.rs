@@ -272,6 +272,15 @@ mod tests {
             movers.take(&sight, &MIDDLE);
             assert_eq!(is_set(&movers.sources, at_m, 0.0), hides, "{thing_m:?} {at_m}");
         }
+        // Turned to the left, beside the middle: it is ahead of the robot that somebody hides.
+        let at = Heading { x_m: 0.02, y_m: -0.03, cos: 0.0, sin: 1.0 };
+        for (x_m, y_m, hides) in [(0.0, far_m, true), (far_m, 0.0, false), (0.0, -far_m, false)] {
+            let mut sight = Sight { taken: NONE, fresh: NONE, unseen: NONE };
+            set(&mut sight.unseen, x_m, y_m);
+            let mut movers = movers();
+            movers.take(&sight, &at);
+            assert_eq!(is_set(&movers.sources, x_m, y_m), hides, "{x_m} {y_m}");
+        }
         // Beside the sector nobody is said to hide; what was seen to move is minded there too.
         let mut sight = Sight { taken: NONE, fresh: NONE, unseen: NONE };
         set(&mut sight.unseen, 0.0, 1.5);

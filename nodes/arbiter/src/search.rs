@@ -1,8 +1,7 @@
 //! The filter: the largest part of a wish after which the robot can still stop on known-free cells.
 //!
 //! The scale is searched by halving; every command that leaves has itself been swept, so the search need not be
-//! monotone. More cells in the way only turn answers from yes to no, and each no leads to smaller scales: an obstacle
-//! never raises the scale, unless it keeps movers away.
+//! monotone. More cells in the way only turn answers from yes to no, and a no leads to smaller scales.
 
 use crate::clearance::FreeSpace;
 use crate::config::Config;
@@ -280,7 +279,8 @@ impl Filter<'_> {
         }
         // An edge seen again may come nearer by a cell: braking answers that. An emergency is what comes nearer than that.
         let margin_m = self.situation.margin_m.min(self.tube.full_margin_m()) - SAFETY_GRID.cell_m;
-        let nearer = Situation { margin_m, held: Held::NONE, ..among_standing };
+        let nearer =
+            Situation { margin_m, blocked: self.situation.taken, held: Held::NONE, ..among_standing };
         let candidate = Candidate { motion: hard, comfort: false, lately_seen: false };
         let harmless = self.tube.check(&nearer, self.space, &candidate, Corners::All).is_ok();
         let reason = if harmless { Reason::Braking } else { Reason::Emergency };

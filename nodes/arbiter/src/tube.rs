@@ -19,8 +19,11 @@ const STEPS_MAX: usize = 800;
 /// `[m/s]` and [rad/s]: slower is rest.
 const REST_M_S: f32 = 0.005;
 const REST_RAD_S: f32 = 0.01;
-/// `[m]` longest motion between two looks of a robot that stands in a cell.
+/// `[m]` longest motion between two looks of a robot that has no more than the least margin, and of one that holds cells.
+const NEAR_GAP_M: f32 = 0.002;
 const HELD_GAP_M: f32 = 0.004;
+/// `[m]` that rounding may take.
+const ROUNDING_M: f32 = 1e-4;
 /// `[m]` most by which the error of the turn rate widens the footprint along the path.
 const TURN_ERROR_MOST_M: f32 = 0.015;
 
@@ -58,8 +61,10 @@ pub(crate) struct Situation {
     pub(crate) blocked: Rows,
     /// The same for backing up.
     pub(crate) old: Rows,
-    /// Those of them that the robot stands in, which neither has.
+    /// Those of them that are nearer than the least margin, which `blocked` has not.
     pub(crate) held: Held,
+    /// Both together.
+    pub(crate) taken: Rows,
 }
 
 /// A candidate command with the brake that would follow it.
@@ -193,20 +198,30 @@ impl Tube {
         self.full_margin_m
     }
 
-    /// Takes out of `blocked` the cells that the robot stands in; `None` where it stands in them deeper than the configured
-    /// overlap.
-    pub(crate) fn hold(&self, at: &Heading, blocked: &mut Rows) -> Option<Held> {
-        let too_deep = self.outline.blocked(at, -self.overlap_m, blocked).is_some();
-        if too_deep { None } else { Held::take(&self.outline, at, blocked) }
+    /// `[m]` the least widening that leaves the pose its drift.
+    pub(crate) fn least_margin_m(&self) -> f32 {
+        self.full_margin_m - 0.5 * self.gap_m - ROUNDING_M
     }
 
-    /// `[m]` the largest widening, up to the full one, with which a robot that stands in no cell of them stands free.
-    pub(crate) fn margin_at(&self, at: &Heading, blocked: &Rows) -> f32 {
+    /// `[m]` longest motion between two looks with a widening, so that what is left between them is the least.
+    fn gap_m(&self, margin_m: f32) -> f32 {
+        (2.0 * (margin_m - self.least_margin_m())).clamp(NEAR_GAP_M, self.gap_m)
+    }
+
+    /// Takes out of `blocked` the cells that the robot stands in, or within the least margin of; `None` where it stands in
+    /// them deeper than the configured overlap.
+    pub(crate) fn hold(&self, at: &Heading, blocked: &mut Rows) -> Option<Held> {
+        let too_deep = self.outline.blocked(at, -self.overlap_m, blocked).is_some();
+        if too_deep { None } else { Held::take(&self.outline, at, self.least_margin_m(), blocked) }
+    }
+
+    /// `[m]` the largest widening, up to the full one, with which a robot stands free that does so with the least.
+    pub(crate) fn margin_at(&self, at: &Heading, blocked: &Rows, least_m: f32) -> f32 {
         let free = |margin| self.outline.blocked(at, margin, blocked).is_none();
         if free(self.full_margin_m) {
             return self.full_margin_m;
         }
-        let (mut low, mut high) = (0.0, self.full_margin_m);
+        let (mut low, mut high) = (least_m, self.full_margin_m);
         for _ in 0..5 {
             let middle = 0.5 * (low + high);
             if free(middle) {
@@ -315,13 +330,13 @@ impl Tube {
         } else {
             let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
             let hit = self.outline.blocked(at, margin_m, rows);
-            hit.map_or(Ok(self.gap_m), |cell| Err(Hit::standing(cell)))?
+            hit.map_or(Ok(self.gap_m(margin_m)), |cell| Err(Hit::standing(cell)))?
         };
         if situation.held.is_any() {
-            if let Some(cell) = situation.held.entered(&self.outline, at) {
+            if let Some(cell) = situation.held.approached(&self.outline, at) {
                 return Err(Hit::standing(cell));
             }
-            allowed_m = HELD_GAP_M;
+            allowed_m = allowed_m.min(HELD_GAP_M);
         }
         if !situation.movers {
             return Ok(allowed_m);

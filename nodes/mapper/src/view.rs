@@ -7,6 +7,7 @@
 use crate::grid::{CELL_M, Grid, Moment, SIDE};
 use sidestep_msgs::{
     AGE_NEVER, AGE_OLDER, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Pose2, SAFETY_CELLS, SAFETY_SIDE, STILL,
+    safety_frame,
 };
 
 /// Cells along a side of the view: 6.4 m, which holds both maps at any heading.
@@ -35,6 +36,8 @@ const NEVER: Look = [0, AGE_NEVER, STILL, 0];
 pub(crate) struct View {
     /// Place of the robot in the view, in cells, and its heading.
     at: [f32; 2],
+    /// First cell of the view along each axis beyond the origin of the safety map.
+    middle: [usize; 2],
     heading: [f32; 2],
     cells: Box<[Look; CELLS]>,
     probability: [u8; 256],
@@ -46,7 +49,13 @@ impl View {
             let log_odds = (step as f32 - 128.0) / STEPS;
             (255.0 / (1.0 + libm::expf(-log_odds)) + 0.5) as u8
         });
-        Self { at: [64.0; 2], heading: [1.0, 0.0], cells: Box::new([NEVER; CELLS]), probability }
+        Self {
+            at: [64.0; 2],
+            middle: [VIEW / 2; 2],
+            heading: [1.0, 0.0],
+            cells: Box::new([NEVER; CELLS]),
+            probability,
+        }
     }
 
     /// Nothing was ever seen.
@@ -58,6 +67,9 @@ impl View {
     pub(crate) fn refresh(&mut self, grid: &Grid, pose: &Pose2, now: &Moment, sonar_ticks: u32) {
         let at = grid.window(pose.x_m, pose.y_m);
         self.at = at.map(|part| part - FIRST as f32);
+        let frame = safety_frame(pose);
+        // Whole numbers but for rounding.
+        self.middle = grid.window(frame.x_m, frame.y_m).map(|part| (part + 0.5) as usize + VIEW - FIRST);
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         self.heading = [cos as f32, sin as f32];
         for y in 0..VIEW {
@@ -143,11 +155,10 @@ impl View {
         age: &mut [u8; SAFETY_CELLS],
         still: &mut [u8; SAFETY_CELLS],
     ) {
-        // A robot in the middle of the window is far from the edges of the view.
-        let [last_x, last_y] = self.at.map(|part| (part + 0.5) as usize % VIEW + SAFETY_SIDE / 2 - 1);
+        let [last_x, last_y] = self.middle.map(|part| part + SAFETY_SIDE / 2 - 1);
         for index in 0..SAFETY_CELLS {
             let (x, y) = (last_x - index / SAFETY_SIDE, last_y - index % SAFETY_SIDE);
-            let [occupied, seen, stood, _] = self.cells[(y * VIEW + x) % CELLS];
+            let [occupied, seen, stood, _] = self.cells[y % VIEW * VIEW + x % VIEW];
             occupancy[index] = if seen == AGE_NEVER { UNKNOWN.max(occupied) } else { occupied };
             age[index] = seen;
             still[index] = stood;
@@ -184,16 +195,21 @@ mod tests {
     use super::*;
     use crate::config::Config;
     use proptest::prelude::*;
-    use sidestep_msgs::{SAFETY_GRID, safety_frame};
+    use sidestep_msgs::SAFETY_GRID;
 
     proptest! {
-        /// Random memory, random pose: a cell of the map is the cell of the grid that holds its centre.
+        /// Random memory, random pose, half of them where the nearest corner changes or one bit beside: a cell of the map is
+        /// the cell of the grid that holds its centre.
         #[test]
         fn the_safety_map_shows_the_cells_of_the_grid(
-            x_m in -50.0f64..50.0, y_m in -50.0f64..50.0, yaw_rad in -3.2f64..3.2, seed in any::<u64>()
+            x_m in -50.0f64..50.0, y_m in -50.0f64..50.0, yaw_rad in -3.2f64..3.2, seed in any::<u64>(), beside in 0u32..6
         ) {
             let mut grid = Grid::new(&Config::shipped());
-            let pose = Pose2::new(x_m, y_m, yaw_rad);
+            let edge = |position_m: f64| {
+                let edge_m = (libm::round(position_m / 0.05) + 0.5) * 0.05;
+                [position_m, position_m, position_m, edge_m, edge_m.next_up(), edge_m.next_down()][beside as usize]
+            };
+            let pose = Pose2::new(edge(x_m), edge(y_m), yaw_rad);
             grid.recentre(&pose);
             let mut state = seed;
             for index in 0..SIDE * SIDE {

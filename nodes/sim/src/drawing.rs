@@ -6,7 +6,7 @@ use sidestep_msgs::{Grid, Pose2};
 /// `[1/255]` probability of what is known to stand there; in an array of ages, the mark of what nobody saw.
 const TAKEN: u8 = 255;
 
-/// A solid of the world, placed in `base`.
+/// A solid of the world, placed in the frame of a pose.
 #[must_use]
 pub fn seen_from(solid: &Solid, pose: &Pose2) -> Solid {
     let (x_m, y_m) = pose.inverse_transform(solid.x_m, solid.y_m);
@@ -20,7 +20,7 @@ pub fn seen_from(solid: &Solid, pose: &Pose2) -> Solid {
     Solid { x_m, y_m, outline, ..*solid }
 }
 
-/// Marks every cell that a solid in `base` touches, with 255: it is convex, so that in each row these are one run of
+/// Marks every cell that a solid in the grid's frame touches, with 255: it is convex, so that in each row these are one run of
 /// cells.
 pub fn draw(solid: &Solid, grid: &Grid, cells: &mut [u8]) {
     let (cell_m, rear_m, right_m) = (f64::from(grid.cell_m), f64::from(grid.rear_m), f64::from(grid.right_m));

@@ -49,8 +49,8 @@ impl Tube {
         in_way && was.0 > end_m && is.0 <= end_m && is.0 > FRONT_M
     }
 
-    /// Counts an occupied cell that the tube meets, by what the map says of it: marked within one cell, as the fusion's
-    /// cells and the map's are not aligned; free at the very cell.
+    /// Counts an occupied cell that the tube meets, by what the map says of it: marked within one cell, as noise may put an
+    /// edge into the next; free at the very cell.
     fn count(&mut self, at_m: [f64; 2], map: &SafetyMap) {
         let (x, y) = map.pose.inverse_transform(at_m[0], at_m[1]);
         let Some((row, col)) = SAFETY_GRID.row_col(x as f32, y as f32) else { return };

@@ -4,7 +4,7 @@ use super::*;
 use foxglove::Decode;
 use foxglove::messages::{FrameTransforms, Grid, Log, PosesInFrame, SceneUpdate, log::Level};
 use sidestep_msgs::{
-    Command, LocalMap, Message, Odometry, Path, PathPoint, Pose2, Proposal, Reason, Status, Topic,
+    Command, LocalMap, Message, Odometry, Path, PathPoint, Pose2, Proposal, Reason, SafetyMap, Status, Topic,
     TopicVisitor, Truth, Twist, Winner, health_topic, visit_topics,
 };
 use std::convert::Infallible;
@@ -94,6 +94,23 @@ impl TopicVisitor for Noise {
 #[test]
 fn no_bytes_of_any_topic_make_a_view_panic() {
     assert!(visit_topics(&mut Noise(1)).is_ok());
+}
+
+/// A cell of the safety map, found by its place in `odom`.
+#[test]
+fn the_safety_grid_lies_in_odom_where_the_map_says() {
+    let (cell, frame) = (1234, Pose2::new(7.35, -2.1, 0.0));
+    let mut map = SafetyMap { pose: frame, base: Pose2::new(7.36, -2.09, 1.0), ..SafetyMap::default() };
+    map.still[cell] = 9;
+    let grid: Grid = find(&show(&mut view(), SAFETY_MAP, &map, 5), "/view/safety_map");
+    assert_eq!(grid.frame_id, "odom");
+    let (corner, size) = (grid.pose.unwrap().position.unwrap(), grid.cell_size.unwrap());
+    let (x_m, y_m) = sidestep_msgs::SAFETY_GRID.centre(cell / 80, cell % 80);
+    let (x_m, y_m) = frame.transform(x_m.into(), y_m.into());
+    let place = ((y_m - corner.y) / size.y) as usize * grid.row_stride as usize
+        + ((x_m - corner.x) / size.x) as usize * grid.cell_stride as usize;
+    assert_eq!(grid.fields[2].name, "still");
+    assert_eq!(grid.data[place + 2], 9);
 }
 
 /// Every cell of a map without any symmetry, looked up by its centre in the grid as a viewer does.
