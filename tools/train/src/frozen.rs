@@ -37,7 +37,7 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x8e22_0230_3051_0294,
+        content_hash: 0x9b26_1460_6e5b_6bd6,
     },
     FrozenSet {
         name: "paper.data",
