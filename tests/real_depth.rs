@@ -112,7 +112,7 @@ impl Score {
     /// Compares the map with the batch, cell by cell of the batch, within the map.
     fn compare(&mut self, map: &SafetyMap, batch: &Batch) {
         for (seen, x_m, y_m) in batch.cells() {
-            let (x, y) = map.pose.inverse_transform(x_m, y_m);
+            let (x, y) = map.frame().inverse_transform(x_m, y_m);
             // Well within the map, so that all neighbours are, too.
             if x.abs().max(y.abs()) > 1.9 {
                 continue;

@@ -128,14 +128,12 @@ const _: () = assert!(size_of::<LocalMap>() == 40 + 3 * LOCAL_CELLS);
 record! {
     /// The map that decides whether a motion is safe: conservative, finer, all round the robot.
     ///
-    /// Frame: its own, with the axes of `odom` and its origin on the corner of the mapper's cells that is nearest to the
-    /// robot; geometry [`SAFETY_GRID`]. So its cells are those of the mapper, and stay what they are while the robot turns
-    /// and moves. Writer: `mapper`. Reader: `arbiter`, nothing else.
+    /// Frame: [`SafetyMap::frame`], with the axes of `odom` and its origin on the corner of the mapper's cells that is
+    /// nearest to the robot; geometry [`SAFETY_GRID`]. So its cells are those of the mapper, and stay what they are while
+    /// the robot turns and moves. Writer: `mapper`. Reader: `arbiter`, nothing else.
     pub struct SafetyMap("sidestep/SafetyMap/3") {
         /// `[ns]` graph time at which the camera saw this.
         pub capture_ns: u64,
-        /// Pose of the map's frame in `odom`; its yaw is 0.
-        pub pose: Pose2,
         /// Pose of `base` in `odom` used for this map.
         pub base: Pose2,
         /// Pose epoch of that pose.
@@ -151,7 +149,15 @@ record! {
     }
 }
 
-const _: () = assert!(size_of::<SafetyMap>() == 64 + 3 * SAFETY_CELLS);
+const _: () = assert!(size_of::<SafetyMap>() == 40 + 3 * SAFETY_CELLS);
+
+impl SafetyMap {
+    /// Pose of the map's frame in `odom`; its yaw is 0.
+    #[must_use]
+    pub fn frame(&self) -> Pose2 {
+        safety_frame(&self.base)
+    }
+}
 
 #[cfg(test)]
 mod tests {

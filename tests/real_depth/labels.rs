@@ -64,7 +64,7 @@ impl Label {
             let y = (v as f32 - frame.cy_px) / frame.fy_px * z;
             let body = [0, 1].map(|i| rotation[i][0] * x + rotation[i][1] * y + rotation[i][2] * z);
             let (x, y) = map.base.transform(body[0].into(), body[1].into());
-            let (x, y) = map.pose.inverse_transform(x, y);
+            let (x, y) = map.frame().inverse_transform(x, y);
             if x.abs().max(y.abs()) < 1.9
                 && let Some(cell) = SAFETY_GRID.index(x as f32, y as f32)
             {

@@ -32,7 +32,7 @@ pub(crate) fn safety(name: &str, map: &SafetyMap, batch: Option<&Batch>) {
         paint(0, index / SAFETY_SIDE, index % SAFETY_SIDE, colour);
     }
     for (seen, x_m, y_m) in batch.iter().flat_map(|batch| batch.cells()) {
-        let (x, y) = map.pose.inverse_transform(x_m, y_m);
+        let (x, y) = map.frame().inverse_transform(x_m, y_m);
         if let Some((row, col)) = SAFETY_GRID.row_col(x as f32, y as f32) {
             paint(side, row, col, if seen == Seen::Occupied { [200, 0, 0] } else { [230, 255, 230] });
         }

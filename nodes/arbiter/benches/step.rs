@@ -92,7 +92,7 @@ fn boxed_in(bencher: divan::Bencher<'_, '_>) {
     step(bencher, &robot(), &map(|x, y| y.abs() > 0.34 || x.abs() > 0.2), Twist::new(0.0, 0.5));
 }
 
-/// The left flank stands a centimetre deep in the cells of a wall.
+/// The left flank stands 3.5 cm deep in the cells of a wall.
 #[divan::bench]
 fn flank_in_a_wall(bencher: divan::Bencher<'_, '_>) {
     step(bencher, &robot(), &map(|_, y| y > 0.25), Twist::new(0.1, 0.3));

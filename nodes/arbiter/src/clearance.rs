@@ -203,19 +203,14 @@ impl Outline {
             while hit != 0 {
                 let bit = hit.trailing_zeros();
                 hit &= hit - 1;
-                let centre = [row as f32, bit as f32].map(|part| (part + 0.5 - HALF) / CELLS_PER_M);
-                if self.covers(at, centre) {
+                let x = (row as f32 + 0.5 - HALF) / CELLS_PER_M - at.x_m;
+                let y = (bit as f32 + 0.5 - HALF) / CELLS_PER_M - at.y_m;
+                if self.holds(at.cos * x + at.sin * y, at.cos * y - at.sin * x) {
                     rows[row] &= !(1 << bit);
                 }
             }
             None
         });
-    }
-
-    /// Whether a point of the map lies inside the bare outline at a pose.
-    fn covers(&self, at: &Heading, point: [f32; 2]) -> bool {
-        let (x, y) = (point[0] - at.x_m, point[1] - at.y_m);
-        self.holds(at.cos * x + at.sin * y, at.cos * y - at.sin * x)
     }
 
     /// `[m]` the widening with which the outline at a pose would reach each point of the map; negative where it covers it.
@@ -250,7 +245,7 @@ fn normal(from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
     [dy / length, -dx / length]
 }
 
-fn cell_index(row: usize, bit: usize) -> u32 {
+pub(crate) fn cell_index(row: usize, bit: usize) -> u32 {
     ((SAFETY_SIDE - 1 - row) * SAFETY_SIDE + SAFETY_SIDE - 1 - bit) as u32
 }
 
@@ -332,7 +327,7 @@ impl FreeSpace {
         }
         self.dilate();
         if self.movers.speed_m_s() > 0.0 {
-            let at = heading(&map.pose, &map.base);
+            let at = heading(&map.frame(), &map.base);
             self.movers.take(&self.sight(map), &at);
         }
     }

@@ -9,12 +9,12 @@ use crate::recovery::{Action, HeldBack};
 use crate::search::{Filter, Filtered, Question, Ways};
 use crate::select::Selected;
 use crate::tube::Situation;
-use sidestep_msgs::{NO_CELL, Reason, Twist, Winner};
+use sidestep_msgs::{NO_CELL, Reason, Twist, Winner, safety_frame};
 
 /// `[1]` a boxed-in robot drives on when this part of the wish is safe again.
 const FREE_SCALE: f32 = 0.5;
-/// `[m/s]` fastest while the robot overlaps cells that are not free.
-const OVERLAP_M_S: f32 = 0.1;
+/// `[m/s]` fastest while cells are held that are not free.
+const HELD_M_S: f32 = 0.1;
 
 impl Arbiter {
     /// Brakes to rest: gently where nothing is wrong and that is safe, else at once.
@@ -134,7 +134,7 @@ impl Arbiter {
         let speed = question.wish.v_m_s.abs().max(1e-6);
         let mut most = f32::INFINITY;
         if situation.held.is_any() {
-            most = OVERLAP_M_S;
+            most = HELD_M_S;
         } else if situation.margin_m < self.tube.full_margin_m() {
             most = self.config.squeeze_m_s;
         }
@@ -152,17 +152,15 @@ impl Arbiter {
     pub(crate) fn situation(&self, now_ns: u64) -> Option<Situation> {
         let inputs = &self.memory.inputs;
         let odometry = &inputs.odometry;
-        let at = heading(&inputs.map_pose, &odometry.pose);
+        let at = heading(&safety_frame(&inputs.map_base), &odometry.pose);
         let (mut blocked, mut old) = (self.space.blocked, self.space.old);
         self.outline.exempt(&at, &self.space.unknown, &mut blocked);
-        // What the robot covers it does not see: its own floor is free where it is not occupied.
-        let covered = std::array::from_fn(|row| !self.space.blocked[row] | self.space.unknown[row]);
-        self.outline.exempt(&at, &covered, &mut old);
         let taken = blocked;
         let held = self.tube.hold(&at, &mut blocked)?;
+        // What the robot stands on it does not see: where nothing is held it is free, however long ago it was seen.
         let under = self.outline.overlapped(&at, 0.0, &old);
         old.iter_mut().zip(under).for_each(|(old, under)| *old &= !under);
-        let margin_m = self.tube.margin_at(&at, &blocked, self.tube.least_margin_m());
+        let margin_m = self.tube.margin_at(&at, &blocked, self.tube.least_margin_m);
         let mut pending = [Pending::default(); SENT_MAX];
         let reach_s = self.robot.actuator.dead_time_max_s;
         let pending_count = self.memory.queue.pending(odometry.stamp_ns, reach_s, &mut pending);

@@ -3,7 +3,7 @@
 use crate::{Arbiter, Config};
 use sidestep_msgs::{
     AGE_NEVER, Command, Header, LocalGoal, Odometry, Pose2, Proposal, Robot, SAFETY_CELLS, SAFETY_GRID,
-    SAFETY_SIDE, STILL, SafetyMap, Status, Twist, Winner, safety_frame,
+    SAFETY_SIDE, STILL, SafetyMap, Status, Twist, Winner,
 };
 
 /// `[ns]` one millisecond.
@@ -59,10 +59,9 @@ pub(crate) fn map_of(solids: &[Solid], pose: &Pose2, capture_ns: u64) -> Box<Saf
     let mut map: Box<SafetyMap> = bytemuck::zeroed_box();
     map.capture_ns = capture_ns;
     map.base = *pose;
-    map.pose = safety_frame(pose);
     for index in 0..SAFETY_CELLS {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        let (x, y) = map.pose.transform(f64::from(x), f64::from(y));
+        let (x, y) = map.frame().transform(f64::from(x), f64::from(y));
         map.occupancy[index] = if distance_m(solids, x, y) < 0.0354 { 250 } else { 10 };
         map.still[index] = STILL;
     }
@@ -78,7 +77,7 @@ pub(crate) fn hide(unseen: &[Solid], map: &mut SafetyMap) {
 pub(crate) fn draw_movers(movers: &[Solid], blind_m: f32, map: &mut SafetyMap) {
     over(movers, map, |map, index| {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        let (x, y) = map.pose.transform(f64::from(x), f64::from(y));
+        let (x, y) = map.frame().transform(f64::from(x), f64::from(y));
         let near = libm::hypot(x - map.base.x_m, y - map.base.y_m) < f64::from(blind_m);
         if map.age[index] != AGE_NEVER || near {
             map.age[index] = 0;
@@ -90,7 +89,7 @@ pub(crate) fn draw_movers(movers: &[Solid], blind_m: f32, map: &mut SafetyMap) {
 fn over(solids: &[Solid], map: &mut SafetyMap, mut change: impl FnMut(&mut SafetyMap, usize)) {
     for index in 0..SAFETY_CELLS {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        let (x, y) = map.pose.transform(f64::from(x), f64::from(y));
+        let (x, y) = map.frame().transform(f64::from(x), f64::from(y));
         if distance_m(solids, x, y) < 0.0354 {
             change(map, index);
         }

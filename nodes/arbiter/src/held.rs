@@ -2,8 +2,8 @@
 //! cell takes all of it, so a robot that touches nothing may be as near, or overlap some. It comes no nearer to any part of
 //! them than it is: wherever in them the thing stands, and however far the pose is off, it is not met.
 
-use crate::clearance::{Heading, Outline, Rows};
-use sidestep_msgs::{NO_CELL, SAFETY_GRID, SAFETY_SIDE};
+use crate::clearance::{Heading, Outline, Rows, cell_index};
+use sidestep_msgs::{SAFETY_GRID, SAFETY_SIDE};
 
 /// Points along a side of a cell: 1 cm apart.
 const SIDE: usize = 5;
@@ -15,11 +15,10 @@ const DEEP_M: f32 = 0.02;
 /// `[m]` that rounding may take.
 const ROUNDING_M: f32 = 1e-5;
 
-/// A cell: its points, in the frame of the map, and how far each lies beyond the outline.
+/// A cell: row and bit, and how far beyond the outline each of its points stays.
 #[derive(Debug, Clone, Copy)]
 struct Cell {
-    x_m: [f32; POINTS],
-    y_m: [f32; POINTS],
+    place: [u32; 2],
     least_m: [f32; POINTS],
 }
 
@@ -32,10 +31,8 @@ pub(crate) struct Held {
 
 impl Held {
     /// No cell is held.
-    pub(crate) const NONE: Self = Self {
-        cells: [Cell { x_m: [0.0; POINTS], y_m: [0.0; POINTS], least_m: [0.0; POINTS] }; MOST],
-        count: 0,
-    };
+    pub(crate) const NONE: Self =
+        Self { cells: [Cell { place: [0; 2], least_m: [0.0; POINTS] }; MOST], count: 0 };
 
     /// Takes out of `rows` what lies nearer to the outline than `margin_m`; `None` where that is more than can be kept.
     pub(crate) fn take(outline: &Outline, at: &Heading, margin_m: f32, rows: &mut Rows) -> Option<Self> {
@@ -60,26 +57,31 @@ impl Held {
 
     /// The cell to a part of which a pose would come nearer.
     pub(crate) fn approached(&self, outline: &Outline, at: &Heading) -> Option<u32> {
-        self.cells[..self.count].iter().find_map(|cell| {
-            let beyond = outline.beyond_m(at, &cell.x_m, &cell.y_m);
-            let nearer = beyond.iter().zip(&cell.least_m).any(|(is, least)| is < least);
-            nearer.then(|| SAFETY_GRID.index(cell.x_m[0], cell.y_m[0]).map_or(NO_CELL, |cell| cell as u32))
-        })
+        let nearer = |cell: &&Cell| {
+            let beyond = beyond_m(outline, at, cell.place);
+            beyond.iter().zip(&cell.least_m).any(|(is, least)| is < least)
+        };
+        let cell = self.cells[..self.count].iter().find(nearer)?;
+        Some(cell_index(cell.place[0] as usize, cell.place[1] as usize))
     }
 }
 
 impl Cell {
     fn new(outline: &Outline, at: &Heading, margin_m: f32, place: [u32; 2]) -> Self {
-        let part_m = SAFETY_GRID.cell_m / SIDE as f32;
-        let [first_x_m, first_y_m] =
-            place.map(|cell| (cell as f32 - 0.5 * SAFETY_SIDE as f32) * SAFETY_GRID.cell_m + 0.5 * part_m);
-        let x_m = std::array::from_fn(|point| first_x_m + part_m * (point / SIDE) as f32);
-        let y_m = std::array::from_fn(|point| first_y_m + part_m * (point % SIDE) as f32);
-        let least_m = outline
-            .beyond_m(at, &x_m, &y_m)
-            .map(|beyond_m| if beyond_m < -DEEP_M { f32::MIN } else { beyond_m.min(margin_m) - ROUNDING_M });
-        Self { x_m, y_m, least_m }
+        let least =
+            |beyond_m: f32| if beyond_m < -DEEP_M { f32::MIN } else { beyond_m.min(margin_m) - ROUNDING_M };
+        Self { place, least_m: beyond_m(outline, at, place).map(least) }
     }
+}
+
+/// `[m]` how far beyond the outline at a pose the points of a cell lie.
+fn beyond_m(outline: &Outline, at: &Heading, place: [u32; 2]) -> [f32; POINTS] {
+    let part_m = SAFETY_GRID.cell_m / SIDE as f32;
+    let [x_m, y_m] =
+        place.map(|cell| (cell as f32 - 0.5 * SAFETY_SIDE as f32) * SAFETY_GRID.cell_m + 0.5 * part_m);
+    let x_m = std::array::from_fn(|point| x_m + part_m * (point / SIDE) as f32);
+    let y_m = std::array::from_fn(|point| y_m + part_m * (point % SIDE) as f32);
+    outline.beyond_m(at, &x_m, &y_m)
 }
 
 #[cfg(test)]

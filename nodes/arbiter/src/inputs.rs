@@ -81,8 +81,7 @@ pub(crate) struct Inputs {
     /// `[ns]` graph time since which the base is told to move; 0 = it is not.
     told_since_ns: u64,
     pub(crate) map_stamps: Stamps,
-    /// Pose of the map's frame, and of the robot when it was made.
-    pub(crate) map_pose: Pose2,
+    /// Pose of the robot when the map was made.
     pub(crate) map_base: Pose2,
     pub(crate) map_frame: u64,
     pub(crate) goal_stamps: Stamps,
@@ -130,12 +129,12 @@ impl Inputs {
 
     /// Notes the header and the stamp of a safety map; returns whether its cells may be taken.
     pub(crate) fn take_map(&mut self, map: &SafetyMap, header: &Header) -> bool {
-        let fit = header.status == Status::Ok as u32 && map.pose.is_finite() && map.base.is_finite();
+        let pose = map.base;
+        let fit = header.status == Status::Ok as u32 && pose.is_finite();
         if !self.map_stamps.offer(map.capture_ns, header.now_ns, fit) {
             return false;
         }
-        self.map_pose = map.pose;
-        self.map_base = map.base;
+        self.map_base = pose;
         self.map_epoch = map.pose_epoch;
         self.map_frame = header.source_frame;
         true

@@ -1,13 +1,14 @@
 //! The filter: the largest part of a wish after which the robot can still stop on known-free cells.
 //!
 //! The scale is searched by halving; every command that leaves has itself been swept, so the search need not be
-//! monotone. More cells in the way only turn answers from yes to no, and a no leads to smaller scales.
+//! monotone. More cells in the way only turn answers from yes to no, and each no leads to smaller scales: an obstacle
+//! never raises the scale, unless it keeps movers away.
 
 use crate::clearance::FreeSpace;
 use crate::config::Config;
 use crate::held::Held;
 use crate::limits::{Limiter, Motion};
-use crate::tube::{Candidate, Corners, Hit, Situation, Tube};
+use crate::tube::{Candidate, Hit, Situation, Tube};
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 
@@ -87,7 +88,7 @@ pub(crate) struct Filter<'a> {
 impl Filter<'_> {
     fn try_motion(&self, motion: Motion, comfort: bool, lately_seen: bool) -> Result<Motion, Hit> {
         let candidate = Candidate { motion, comfort, lately_seen };
-        self.tube.check(self.situation, self.space, &candidate, Corners::All).map(|()| motion)
+        self.tube.check(self.situation, self.space, &candidate).map(|()| motion)
     }
 
     /// The safest answer to a question.
@@ -149,19 +150,8 @@ impl Filter<'_> {
         self.try_motion(motion, true, false).map(|_| ())
     }
 
-    /// The largest safe scale with its command, and what was in the way of the next larger. What the longest way finds
-    /// is mostly safe for all.
+    /// The largest safe scale with its command, and what was in the way of the next larger.
     fn largest(&self, question: &Question, wish: Twist) -> (Option<(Motion, f32)>, Hit) {
-        let (found, hit) = self.bisected(question, wish, Corners::Longest);
-        match found {
-            Some((motion, _)) if self.try_motion(motion, true, false).is_err() => {
-                self.bisected(question, wish, Corners::All)
-            }
-            _ => (found, hit),
-        }
-    }
-
-    fn bisected(&self, question: &Question, wish: Twist, corners: Corners) -> (Option<(Motion, f32)>, Hit) {
         let at = |scale: f32| {
             let part = Twist::new(wish.v_m_s * scale, wish.w_rad_s * scale);
             self.limiter.towards(&question.from, part, question.dt_s)
@@ -173,11 +163,7 @@ impl Filter<'_> {
             let motion = at(scale);
             let verdict = match last {
                 Some((known, verdict)) if known == motion => verdict,
-                _ => {
-                    let candidate = Candidate { motion, comfort: true, lately_seen: false };
-                    let verdict = self.tube.check(self.situation, self.space, &candidate, corners);
-                    verdict.map(|()| motion)
-                }
+                _ => self.try_motion(motion, true, false),
             };
             last = Some((motion, verdict));
             if let Err(found) = verdict {
@@ -271,9 +257,7 @@ impl Filter<'_> {
         let among_standing = Situation { movers: false, ..*self.situation };
         for (motion, comfort) in [(hard, false), (gentle, true)] {
             let candidate = Candidate { motion, comfort, lately_seen: false };
-            if self.situation.movers
-                && self.tube.check(&among_standing, self.space, &candidate, Corners::All).is_ok()
-            {
+            if self.situation.movers && self.tube.check(&among_standing, self.space, &candidate).is_ok() {
                 return Filtered { motion, scale: 0.0, reason, cell };
             }
         }
@@ -282,7 +266,7 @@ impl Filter<'_> {
         let nearer =
             Situation { margin_m, blocked: self.situation.taken, held: Held::NONE, ..among_standing };
         let candidate = Candidate { motion: hard, comfort: false, lately_seen: false };
-        let harmless = self.tube.check(&nearer, self.space, &candidate, Corners::All).is_ok();
+        let harmless = self.tube.check(&nearer, self.space, &candidate).is_ok();
         let reason = if harmless { Reason::Braking } else { Reason::Emergency };
         Filtered { motion: hard, scale: 0.0, reason, cell: hit.cell }
     }

@@ -78,15 +78,6 @@ pub(crate) struct Candidate {
     pub(crate) lately_seen: bool,
 }
 
-/// The members of the identified set that a candidate is swept for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Corners {
-    /// What a command needs to leave.
-    All,
-    /// The member that goes farthest, which mostly decides.
-    Longest,
-}
-
 /// What is in the way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Hit {
@@ -162,6 +153,8 @@ pub(crate) struct Tube {
     hold_s: f32,
     gap_m: f32,
     full_margin_m: f32,
+    /// `[m]` the least widening that leaves the pose its drift.
+    pub(crate) least_margin_m: f32,
     overlap_m: f32,
 }
 
@@ -189,6 +182,7 @@ impl Tube {
             hold_s: config.hold_s,
             gap_m: config.gap_m,
             full_margin_m: config.margin_m + 0.5 * config.gap_m,
+            least_margin_m: config.margin_m - ROUNDING_M,
             overlap_m: config.overlap_m,
         }
     }
@@ -198,21 +192,16 @@ impl Tube {
         self.full_margin_m
     }
 
-    /// `[m]` the least widening that leaves the pose its drift.
-    pub(crate) fn least_margin_m(&self) -> f32 {
-        self.full_margin_m - 0.5 * self.gap_m - ROUNDING_M
-    }
-
     /// `[m]` longest motion between two looks with a widening, so that what is left between them is the least.
-    fn gap_m(&self, margin_m: f32) -> f32 {
-        (2.0 * (margin_m - self.least_margin_m())).clamp(NEAR_GAP_M, self.gap_m)
+    fn look_m(&self, margin_m: f32) -> f32 {
+        (2.0 * (margin_m - self.least_margin_m)).clamp(NEAR_GAP_M, self.gap_m)
     }
 
     /// Takes out of `blocked` the cells that the robot stands in, or within the least margin of; `None` where it stands in
     /// them deeper than the configured overlap.
     pub(crate) fn hold(&self, at: &Heading, blocked: &mut Rows) -> Option<Held> {
         let too_deep = self.outline.blocked(at, -self.overlap_m, blocked).is_some();
-        if too_deep { None } else { Held::take(&self.outline, at, self.least_margin_m(), blocked) }
+        if too_deep { None } else { Held::take(&self.outline, at, self.least_margin_m, blocked) }
     }
 
     /// `[m]` the largest widening, up to the full one, with which a robot stands free that does so with the least.
@@ -233,7 +222,7 @@ impl Tube {
         low
     }
 
-    /// Sweeps a candidate for some corners.
+    /// Sweeps a candidate for every corner.
     ///
     /// # Errors
     /// What is in the way.
@@ -242,13 +231,8 @@ impl Tube {
         situation: &Situation,
         space: &FreeSpace,
         candidate: &Candidate,
-        corners: Corners,
     ) -> Result<(), Hit> {
-        let corners = match corners {
-            Corners::All => &self.corners[..],
-            Corners::Longest => &self.corners[..1],
-        };
-        corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
+        self.corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
     }
 
     fn sweep(
@@ -330,7 +314,7 @@ impl Tube {
         } else {
             let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
             let hit = self.outline.blocked(at, margin_m, rows);
-            hit.map_or(Ok(self.gap_m(margin_m)), |cell| Err(Hit::standing(cell)))?
+            hit.map_or(Ok(self.look_m(margin_m)), |cell| Err(Hit::standing(cell)))?
         };
         if situation.held.is_any() {
             if let Some(cell) = situation.held.approached(&self.outline, at) {

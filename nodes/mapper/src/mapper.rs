@@ -10,9 +10,7 @@ use crate::projection::{Columns, Lens};
 use crate::sonar;
 use crate::sweep::{Sweep, is_shaped};
 use crate::view::View;
-use sidestep_msgs::{
-    DepthFrame, LocalMap, Odometry, Pose2, Ranges, Robot, SafetyMap, Scan, Status, safety_frame,
-};
+use sidestep_msgs::{DepthFrame, LocalMap, Odometry, Pose2, Ranges, Robot, SafetyMap, Scan, Status};
 
 /// `[m]` farthest a camera may be mounted from the axle; beyond, the pose is garbage.
 const MOUNT_MAX_M: f32 = 5.0;
@@ -231,7 +229,6 @@ impl Mapper {
     pub fn write_safety(&self, map: &mut SafetyMap) {
         map.capture_ns = self.memory.capture_ns;
         map.base = self.memory.pose;
-        map.pose = safety_frame(&map.base);
         map.pose_epoch = self.memory.pose_epoch;
         map.refused = self.memory.refused;
         self.view.safety(&mut map.occupancy, &mut map.age, &mut map.still);

@@ -78,12 +78,12 @@ fn the_local_map_turns_with_the_robot_and_the_safety_map_does_not() {
     // The face towards the camera, as wide as a cell or two.
     let occupied = (0..10).filter(|part| {
         let (x, y) = pose.transform(1.42 + 0.01 * f64::from(*part), 0.4);
-        let (dx, dy) = safety.pose.inverse_transform(x, y);
+        let (dx, dy) = safety.frame().inverse_transform(x, y);
         safety.occupancy[SAFETY_GRID.index(dx as f32, dy as f32).unwrap()] > 200
     });
     assert!(occupied.count() >= 3);
-    let off = libm::hypot(safety.pose.x_m - pose.x_m, safety.pose.y_m - pose.y_m);
-    assert!(safety.base == pose && safety.pose.yaw_rad == 0.0 && off < 0.036, "{:?}", safety.pose);
+    let frame = safety.frame();
+    assert!(safety.base == pose && frame.yaw_rad == 0.0 && frame.distance_m(&pose) < 0.036, "{frame:?}");
     assert!(occupied_count(&local) <= 9, "{}", occupied_count(&local));
 }
 

@@ -40,7 +40,7 @@ fn local(mapper: &Mapper) -> Box<LocalMap> {
 
 /// Occupancy and age at a point of `odom`.
 fn at(map: &SafetyMap, x_m: f64, y_m: f64) -> (u8, u8) {
-    let (x, y) = map.pose.inverse_transform(x_m, y_m);
+    let (x, y) = map.frame().inverse_transform(x_m, y_m);
     let index = SAFETY_GRID.index(x as f32, y as f32).unwrap();
     (map.occupancy[index], map.age[index])
 }

@@ -20,8 +20,8 @@ pub fn seen_from(solid: &Solid, pose: &Pose2) -> Solid {
     Solid { x_m, y_m, outline, ..*solid }
 }
 
-/// Marks every cell that a solid in the grid's frame touches, with 255: it is convex, so that in each row these are one run of
-/// cells.
+/// Marks every cell that a solid in the grid's frame touches, with 255: it is convex, so that in each row these are one
+/// run of cells.
 pub fn draw(solid: &Solid, grid: &Grid, cells: &mut [u8]) {
     let (cell_m, rear_m, right_m) = (f64::from(grid.cell_m), f64::from(grid.rear_m), f64::from(grid.right_m));
     let last = grid.side as f64 - 1.0;

@@ -1,7 +1,7 @@
 //! How the robot sees: through its camera and the mapper, or the world itself drawn into both maps.
 
 use sidestep_mapper::{Widening, planning_cost};
-use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, STILL, SafetyMap, safety_frame};
+use sidestep_msgs::{LOCAL_GRID, LocalMap, Pose2, SAFETY_GRID, STILL, SafetyMap};
 use sidestep_sim::{Solid, draw, seen_from};
 
 /// How the robot sees.
@@ -45,9 +45,8 @@ impl Surroundings<'_> {
     pub(crate) fn write(&self, local: &mut LocalMap, safety: &mut SafetyMap) {
         (local.capture_ns, safety.capture_ns) = (self.capture_ns, self.capture_ns);
         (local.pose, safety.base) = (self.believed, self.believed);
-        safety.pose = safety_frame(&self.believed);
         // The world from where the safety map's frame would truly be.
-        let frame = self.pose.compose(&self.believed.relative(&safety.pose));
+        let frame = self.pose.compose(&self.believed.relative(&safety.frame()));
         (local.pose_epoch, safety.pose_epoch) = (self.pose_epoch, self.pose_epoch);
         local.occupancy.fill(0);
         local.age.fill(0);

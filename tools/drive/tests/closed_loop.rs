@@ -113,7 +113,7 @@ fn a_box_stays_occupied_until_it_is_below_the_view() {
             simulator.render(&mut depth);
             mapper.depth(&depth);
             mapper.write_safety(&mut map);
-            let (x_m, y_m) = map.pose.inverse_transform(FACE_M + 0.03, 0.0);
+            let (x_m, y_m) = map.frame().inverse_transform(FACE_M + 0.03, 0.0);
             let occupied =
                 SAFETY_GRID.index(x_m as f32, y_m as f32).is_some_and(|cell| map.occupancy[cell] > 128);
             assert!(occupied || !marked, "{height_m} m box lost at {x_m:.2} m");

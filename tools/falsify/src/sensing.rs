@@ -1,7 +1,7 @@
 //! What reaches the arbiter, and when: maps, odometry and wishes, late, lost, repeated, or of a mapper just restarted.
 
 use crate::scenario::Channel;
-use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, Twist, safety_frame};
+use sidestep_msgs::{AGE_NEVER, Pose2, SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, Twist};
 use sidestep_sim::{Random, Solid, draw, mix, seen_from};
 
 /// `[m]` half of the diagonal of a cell.
@@ -81,13 +81,13 @@ pub(crate) fn draw_map(
     map: &mut SafetyMap,
 ) {
     map.base = moment.believed;
-    map.pose = safety_frame(&moment.believed);
+    let frame = map.frame();
     map.occupancy.fill(0);
     map.age.fill(0);
     map.still.fill(STILL);
     // Where the map's frame was when that was seen.
-    let from = moment.pose.compose(&moment.remembered.relative(&map.pose));
-    let (at_x_m, at_y_m) = map.pose.inverse_transform(map.base.x_m, map.base.y_m);
+    let from = moment.pose.compose(&moment.remembered.relative(&frame));
+    let (at_x_m, at_y_m) = frame.inverse_transform(map.base.x_m, map.base.y_m);
     for Shown { solid, seen, moving } in shown {
         let solid = seen_from(solid, &from);
         // What is taken and what was never seen are the same number, in the one array or in the other.

@@ -79,7 +79,7 @@ impl Judge {
     /// Whether a cell lies in the way and belongs to the target.
     fn concerns(&self, map: &SafetyMap, index: usize, target: &Target) -> bool {
         let (x, y) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
-        let (x, y) = map.pose.transform(x.into(), y.into());
+        let (x, y) = map.frame().transform(x.into(), y.into());
         let (x, y) = map.base.inverse_transform(x, y);
         let half = 0.5 * f64::from(SAFETY_GRID.cell_m);
         if y.abs() - half > self.half_width_m + self.margin_m {

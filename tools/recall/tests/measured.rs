@@ -3,9 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "a test may unwrap and print")]
 
 use sidestep_arbiter::{Arbiter, Config};
-use sidestep_msgs::{
-    Command, Header, Odometry, Pose2, Robot, SAFETY_GRID, SafetyMap, Teleop, Twist, safety_frame,
-};
+use sidestep_msgs::{Command, Header, Odometry, Pose2, Robot, SAFETY_GRID, SafetyMap, Teleop, Twist};
 use sidestep_recall::{CLASSES, Class, Options, Recall, RecallError, Witness, measure, reach_m, speeds_m_s};
 use sidestep_sim::{BEGIN_NS, Solid, TICK_NS, draw, seen_from};
 
@@ -86,11 +84,11 @@ fn slowed_m(robot: &Robot, speed_m_s: f32) -> f64 {
         let header = Header { sequence: tick, now_ns, ..Header::default() };
         let twist = Twist::new(v_m_s, 0.0);
         arbiter.odometry(&Odometry { stamp_ns: now_ns, pose, twist, ..Odometry::default() }, &header);
-        (map.capture_ns, map.base, map.pose) = (now_ns, pose, safety_frame(&pose));
+        (map.capture_ns, map.base) = (now_ns, pose);
         map.occupancy.fill(0);
         map.age.fill(0);
         let wall = Solid::block([5.5, 0.0], [1.0, 8.0], 0.0, [0.0, 2.0]);
-        draw(&seen_from(&wall, &map.pose), &SAFETY_GRID, &mut map.occupancy);
+        draw(&seen_from(&wall, &map.frame()), &SAFETY_GRID, &mut map.occupancy);
         arbiter.safety_map(&map, &header);
         arbiter.teleop(&Teleop { stamp_ns: now_ns, v_m_s: speed_m_s, dead_man: 1, ..Teleop::default() });
         arbiter.step(now_ns, false, &mut command);

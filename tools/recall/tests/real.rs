@@ -52,7 +52,7 @@ impl Tube {
     /// Counts an occupied cell that the tube meets, by what the map says of it: marked within one cell, as noise may put an
     /// edge into the next; free at the very cell.
     fn count(&mut self, at_m: [f64; 2], map: &SafetyMap) {
-        let (x, y) = map.pose.inverse_transform(at_m[0], at_m[1]);
+        let (x, y) = map.frame().inverse_transform(at_m[0], at_m[1]);
         let Some((row, col)) = SAFETY_GRID.row_col(x as f32, y as f32) else { return };
         let inner = 1..SAFETY_SIDE - 1;
         let is_new = self.touched.insert(at_m.map(|m| (m * 1000.0).round() as i64));
@@ -125,18 +125,18 @@ fn walk(folder: PathBuf) -> Vec<Tube> {
 }
 
 /// Found in the excerpt: 214 of 216 marked, 200 not free; in the whole walk 555 and 540 of 558. Cells of one thing stand
-/// or fall together, so that the bounds leave room.
-fn assert_known(tubes: &[Tube], least: u64) {
+/// or fall together, so that the bounds leave room: at least so many cells, so many percent of them not free.
+fn assert_known(tubes: &[Tube], least: u64, unfree: u64) {
     let longest = tubes.last().unwrap();
     let touched = longest.touched.len() as u64;
     assert!(touched >= least, "{longest:?}");
-    assert!(100 * longest.marked >= 95 * touched && 100 * longest.unfree >= 90 * touched, "{longest:?}");
+    assert!(100 * longest.marked >= 95 * touched && 100 * longest.unfree >= unfree * touched, "{longest:?}");
 }
 
 /// The excerpt in the repository, at the longest tube.
 #[test]
 fn what_an_excerpt_of_a_real_walk_meets_was_known_in_time() {
-    assert_known(&walk(root().join("tests/data/hololens")), 100);
+    assert_known(&walk(root().join("tests/data/hololens")), 100, 90);
 }
 
 /// The whole walk of the data folder.
@@ -146,5 +146,5 @@ fn what_a_real_walk_meets_was_known_in_time() {
         println!("skipped: SIDESTEP_DATA is not set (whole HoloLens walk)");
         return;
     };
-    assert_known(&walk(PathBuf::from(data).join("depth_hololens")), 300);
+    assert_known(&walk(PathBuf::from(data).join("depth_hololens")), 300, 94);
 }

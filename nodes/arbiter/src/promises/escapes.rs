@@ -176,26 +176,26 @@ fn cells_seen_long_ago_carry_the_robot_on() {
     assert!(stage.pose.x_m > 1.0, "{:?}", stage.pose);
 }
 
-/// A box just beside the flank, inside the margin: it may leave, slowly, and not come nearer.
+/// A box beside the flank whose cells leave from all of the margin to the least: it may leave, slowly, and not come nearer.
 #[test]
 fn a_robot_with_something_inside_its_margin_leaves_without_coming_nearer() {
-    for gap in [0.033, 0.04, 0.05] {
-        let side = 0.285 + gap;
-        let mut stage = Stage::new(&CONFIG, &[[-0.3, side, 0.3, side + 0.2]]);
+    for off_m in [0.0, 0.004, 0.008, 0.012] {
+        let mut stage = Stage::new(&CONFIG, &[[-0.3, 0.32, 0.3, 0.52]]);
+        stage.pose.y_m = -off_m;
         stage.wish = Twist::new(0.5, 0.0);
         let start = stage.gap_m();
         for _ in 0..1000 {
             stage.tick();
-            assert!(stage.gap_m() > start - 0.006, "gap {gap}: {} {:?}", stage.gap_m(), stage.pose);
+            assert!(stage.gap_m() > start - 0.006, "{off_m}: {} {:?}", stage.gap_m(), stage.pose);
         }
-        assert!(stage.pose.x_m > 1.0, "gap {gap}: {:?} {:?}", stage.pose, stage.command);
+        assert!(stage.pose.x_m > 1.0, "{off_m}: {:?} {:?}", stage.pose, stage.command);
     }
 }
 
-/// A box so near that the robot stands in cells it reaches into: nearer cells of it ahead could hold it anywhere, so the
-/// robot stays, but for where it leads away from all of them; beside its front half alone it backs out.
+/// A box so near that the robot stands in cells it reaches into: it stays, but for where it leads away from all of them;
+/// beside a box at its front half alone it backs out.
 #[test]
-fn a_robot_that_stands_in_cells_enters_no_more_of_them() {
+fn a_robot_that_stands_in_cells_leaves_only_away_from_them() {
     for (rear, leaves) in [(-0.6, false), (0.1, true)] {
         for gap in [0.002, 0.01, 0.02] {
             let side = 0.285 + gap;
@@ -211,6 +211,43 @@ fn a_robot_that_stands_in_cells_enters_no_more_of_them() {
             assert_eq!(least_m < -0.05, leaves, "gap {gap}: {least_m} {:?}", stage.command);
         }
     }
+}
+
+/// The end of a box beside the flank, wherever in its cells it lies, and the robot turned a little or not: what is nearer
+/// than the least margin comes no nearer, whichever way the wish leads.
+#[test]
+fn what_is_nearer_than_the_least_margin_comes_no_nearer() {
+    let mut tried = 0;
+    for (y, yaw_rad, turn) in (0..10)
+        .flat_map(|part| [-0.1, 0.0, 0.1].map(|yaw_rad| (-0.005 * f64::from(part), yaw_rad)))
+        .flat_map(|(y, yaw_rad)| [-0.3, 0.3].map(|turn| (y, yaw_rad, turn)))
+    {
+        for gap in [0.001, 0.012] {
+            let mut stage = Stage::new(&CONFIG, &[]);
+            (stage.pose.y_m, stage.pose.yaw_rad) = (y, yaw_rad);
+            // Slid from the side until the gap is as wanted.
+            let mut side = y + 0.5;
+            let beside = |side: f64| vec![[-0.05, side, 0.0895, side + 0.2]];
+            for _ in 0..20 {
+                stage.solids = beside(side);
+                side -= stage.gap_m() - gap;
+            }
+            stage.solids = beside(side);
+            stage.wish = Twist::new(0.1, turn);
+            let start = stage.gap_m();
+            for _ in 0..150 {
+                stage.tick();
+                assert!(
+                    stage.gap_m() > start - 0.002,
+                    "{y} {yaw_rad} {turn} {start}: {} {:?}",
+                    stage.gap_m(),
+                    stage.pose
+                );
+            }
+            tried += 1;
+        }
+    }
+    assert_eq!(tried, 120);
 }
 
 /// Noise: one cell ahead of the bumper flickers; the robot slows, and never calls an emergency for it when far.

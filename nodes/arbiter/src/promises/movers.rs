@@ -103,9 +103,10 @@ fn what_moves_in_sight_is_yielded_to() {
         let mut runner = Runner { at: [3.5, side], from_tick: 0, speed_m_s: f64::from(speed) };
         let met = meet(&mut stage, &mut runner, 1000);
         assert!(met.is_none_or(|v| v < REST), "{speed} m/s at {side}: {met:?}");
-        // What touches the robot is in its way, wherever it goes.
-        let reasons = [Reason::Yielding, Reason::Braking].map(|reason| reason as u32);
-        assert!(reasons.contains(&stage.command.reason), "{speed} m/s at {side}");
+        // What touches the robot is in its way; ahead of it and farther off it is yielded to.
+        stage.movers = vec![square(stage.pose.x_m + 0.6, stage.pose.y_m)];
+        stage.ticks(50);
+        assert_eq!(stage.command.reason, Reason::Yielding as u32, "{speed} m/s at {side}");
     }
 }
 

@@ -21,7 +21,7 @@ pub(crate) fn take(seen: &Seen, time: &FileTime, sheet: &mut Sheet) {
     } else if let Some(map) = seen.read(SAFETY_MAP) {
         let layers: [(&str, &[u8]); 3] =
             [("occupancy", &map.occupancy), ("age", &map.age), ("still", &map.still)];
-        sheet.put(SAFETY, &grid(&SAFETY_GRID, ODOM, &map.pose, &layers, time.stamp(map.capture_ns)));
+        sheet.put(SAFETY, &grid(&SAFETY_GRID, ODOM, &map.frame(), &layers, time.stamp(map.capture_ns)));
     }
 }
 

@@ -100,7 +100,7 @@ fn no_bytes_of_any_topic_make_a_view_panic() {
 #[test]
 fn the_safety_grid_lies_in_odom_where_the_map_says() {
     let (cell, frame) = (1234, Pose2::new(7.35, -2.1, 0.0));
-    let mut map = SafetyMap { pose: frame, base: Pose2::new(7.36, -2.09, 1.0), ..SafetyMap::default() };
+    let mut map = SafetyMap { base: Pose2::new(7.36, -2.09, 1.0), ..SafetyMap::default() };
     map.still[cell] = 9;
     let grid: Grid = find(&show(&mut view(), SAFETY_MAP, &map, 5), "/view/safety_map");
     assert_eq!(grid.frame_id, "odom");

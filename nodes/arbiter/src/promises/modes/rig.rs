@@ -349,7 +349,7 @@ impl Rig {
             Source::Future => now_ns + 60_000 * MS,
             _ => now_ns,
         };
-        (self.map.capture_ns, self.map.pose, self.map.pose_epoch) =
+        (self.map.capture_ns, self.map.base, self.map.pose_epoch) =
             (capture_ns, self.stage.pose, self.map_epoch);
         let header = self.stage.header(status);
         self.stage.arbiter.safety_map(&self.map, &header);
