@@ -13,6 +13,8 @@ pub(crate) type Rows = [u128; SAFETY_SIDE];
 const LEVELS: usize = 16;
 const CELLS_PER_M: f32 = 20.0;
 const HALF: f32 = 40.0;
+/// Cells that rounding may take between two corners.
+const HAIR: f32 = 0.01;
 const ALL: u128 = (1 << SAFETY_SIDE) - 1;
 /// Widest footprint in rows.
 const SPAN: usize = 44;
@@ -103,44 +105,45 @@ impl Outline {
         self.radius_m + self.outward_most * margin_m.max(0.0)
     }
 
-    /// The cells under the outline, row by row: `visit(row, bits)` until it returns a value.
-    ///
-    /// An outline that leaves the map answers with `None` for the bits.
-    fn rows<T>(
-        &self,
-        at: &Heading,
-        margin_m: f32,
-        mut visit: impl FnMut(usize, Option<u128>) -> Option<T>,
-    ) -> Option<T> {
-        let mut points = [[0.0f32; 2]; CORNERS];
-        let (mut lowest, mut highest, mut total) = (f32::MAX, f32::MIN, 0.0);
+    /// The corners in cells of the map; `None` where one lies outside, or nowhere.
+    fn placed(&self, at: &Heading, margin_m: f32) -> Option<Placed> {
+        let mut placed =
+            Placed { points: [[0.0; 2]; CORNERS], lowest: [f32::MAX; 2], highest: [f32::MIN; 2] };
+        let mut total = 0.0;
         for (point, (corner, outward)) in
-            points.iter_mut().zip(self.corners.iter().zip(&self.outward)).take(self.count)
+            placed.points.iter_mut().zip(self.corners.iter().zip(&self.outward)).take(self.count)
         {
             let px = corner[0] + margin_m * outward[0];
             let py = corner[1] + margin_m * outward[1];
             let x = (at.x_m + (at.cos * px - at.sin * py)) * CELLS_PER_M;
             let y = (at.y_m + (at.sin * px + at.cos * py)) * CELLS_PER_M;
             *point = [x + HALF, y];
-            lowest = lowest.min(point[0]);
-            highest = highest.max(point[0]);
+            let [x, y] = *point;
+            placed.lowest = [lesser(placed.lowest[0], x), lesser(placed.lowest[1], y)];
+            placed.highest = [greater(placed.highest[0], x), greater(placed.highest[1], y)];
             total += point[0] + point[1];
         }
+        let Placed { lowest, highest, .. } = placed;
         // What is not finite is outside; minimum and maximum alone would pass over NaN.
-        if !(total.is_finite()
-            && lowest >= 0.0
-            && highest < SAFETY_SIDE as f32
-            && highest - lowest < (SPAN - 2) as f32)
-        {
-            return visit(0, None);
-        }
-        let base = lowest as usize;
-        let last = highest as usize - base;
+        let is_inside = total.is_finite()
+            && lowest[0] >= 0.0
+            && highest[0] < SAFETY_SIDE as f32
+            && highest[0] - lowest[0] < (SPAN - 2) as f32
+            && lowest[1] >= HAIR - HALF
+            && highest[1] <= HALF - HAIR;
+        is_inside.then_some(placed)
+    }
+
+    /// The cells under the outline, row by row: `visit(row, bits)` until it returns a value.
+    fn rows<T>(&self, placed: &Placed, mut visit: impl FnMut(usize, u128) -> Option<T>) -> Option<T> {
+        let Placed { points, lowest, highest } = placed;
+        let base = lowest[0] as usize;
+        let last = highest[0] as usize - base;
         let mut right = [f32::MAX; SPAN];
         let mut left = [f32::MIN; SPAN];
         let mut widen = |row: usize, y: f32| {
-            right[row] = right[row].min(y);
-            left[row] = left[row].max(y);
+            right[row] = lesser(right[row], y);
+            left[row] = greater(left[row], y);
         };
         for i in 0..self.count {
             let (a, b) = (points[i], points[(i + 1) % self.count]);
@@ -158,48 +161,39 @@ impl Outline {
                 widen(border - base, y);
             }
         }
-        for row in 0..=last {
-            // Cells are addressed from the middle, so that a mirrored outline covers mirrored cells.
-            let (low, high) = (libm::floorf(right[row]) + HALF, libm::ceilf(left[row]) - 1.0 + HALF);
-            let bits = if low >= 0.0 && high < SAFETY_SIDE as f32 {
-                let (low, high) = (low as u32, high.max(low) as u32);
-                Some((u128::MAX >> (127 - (high - low))) << low)
-            } else {
-                None
-            };
-            if let Some(found) = visit(base + row, bits) {
-                return Some(found);
-            }
-        }
-        None
+        (0..=last).find_map(|row| visit(base + row, span(right[row], left[row])))
     }
 
     /// Index of a cell of the safety map under the widened outline that is set in `blocked`; [`NO_CELL`] where the
     /// outline leaves the map; `None` where it stands free.
     pub(crate) fn blocked(&self, at: &Heading, margin_m: f32, blocked: &Rows) -> Option<u32> {
-        self.rows(at, margin_m, |row, bits| match bits {
-            Some(bits) => {
-                let hit = blocked[row] & bits;
-                (hit != 0).then(|| cell_index(row, hit.trailing_zeros() as usize))
-            }
-            None => Some(NO_CELL),
+        let Some(placed) = self.placed(at, margin_m) else { return Some(NO_CELL) };
+        if placed.is_clear(blocked) {
+            return None;
+        }
+        self.rows(&placed, |row, bits| {
+            let hit = blocked[row] & bits;
+            (hit != 0).then(|| cell_index(row, hit.trailing_zeros() as usize))
         })
     }
 
     /// The cells set in `rows` that the widened outline overlaps.
     pub(crate) fn overlapped(&self, at: &Heading, margin_m: f32, rows: &Rows) -> Rows {
         let mut overlapped = [0; SAFETY_SIDE];
-        self.rows::<()>(at, margin_m, |row, bits| {
-            overlapped[row] = rows[row] & bits?;
-            None
-        });
+        if let Some(placed) = self.placed(at, margin_m) {
+            self.rows::<()>(&placed, |row, bits| {
+                overlapped[row] = rows[row] & bits;
+                None
+            });
+        }
         overlapped
     }
 
     /// Clears in `rows` the cells of `which` whose centre the bare outline covers: the robot stands there.
     pub(crate) fn exempt(&self, at: &Heading, which: &Rows, rows: &mut Rows) {
-        self.rows::<()>(at, 0.0, |row, bits| {
-            let mut hit = which[row] & bits? & rows[row];
+        let Some(placed) = self.placed(at, 0.0) else { return };
+        self.rows::<()>(&placed, |row, bits| {
+            let mut hit = which[row] & bits & rows[row];
             while hit != 0 {
                 let bit = hit.trailing_zeros();
                 hit &= hit - 1;
@@ -236,6 +230,41 @@ impl Outline {
             (b[0] - a[0]) * (y_m - a[1]) - (b[1] - a[1]) * (x_m - a[0]) >= 0.0
         })
     }
+}
+
+/// The corners of a widened outline, and their box, in cells: x from the map's edge on, y from its middle.
+struct Placed {
+    points: [[f32; 2]; CORNERS],
+    lowest: [f32; 2],
+    highest: [f32; 2],
+}
+
+impl Placed {
+    /// Whether the box round the outline is clear, which is asked sooner than the outline.
+    fn is_clear(&self, blocked: &Rows) -> bool {
+        let bits = span(self.lowest[1], self.highest[1]);
+        let (first, last) = (self.lowest[0] as usize, self.highest[0] as usize);
+        blocked[first..=last].iter().fold(0, |any, row| any | row) & bits == 0
+    }
+}
+
+/// The bits of a row between two points, in cells from the middle: so a mirrored outline covers mirrored cells.
+fn span(right: f32, left: f32) -> u128 {
+    let half = HALF as i32;
+    // Truncated towards zero, then put right: a call to the library takes longer than all the rest.
+    let (low, high) = (right as i32, left as i32);
+    let low = low - i32::from(low as f32 > right) + half;
+    let high = high + i32::from((high as f32) < left) - 1 + half;
+    (u128::MAX >> (127 - (high.max(low) - low))) << low
+}
+
+/// The lesser of two numbers, neither NaN.
+fn lesser(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+fn greater(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
 }
 
 /// Outward normal of the edge of a counter-clockwise polygon.
@@ -382,7 +411,7 @@ impl FreeSpace {
 
     /// `[m]` every point nearer than this to (x, y) is known free; 0 where not even its own cell is.
     pub(crate) fn clearance_m(&self, x_m: f32, y_m: f32) -> f32 {
-        let (row, bit) = (libm::floorf(x_m * CELLS_PER_M) + HALF, libm::floorf(y_m * CELLS_PER_M) + HALF);
+        let (row, bit) = (x_m * CELLS_PER_M + HALF, y_m * CELLS_PER_M + HALF);
         let side = SAFETY_SIDE as f32;
         if !(row >= 0.0 && row < side && bit >= 0.0 && bit < side) {
             return 0.0;

@@ -25,6 +25,7 @@ mod operator;
 mod promises;
 mod queue;
 mod recovery;
+mod rollout;
 mod search;
 mod select;
 mod standing;

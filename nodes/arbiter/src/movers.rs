@@ -205,9 +205,9 @@ fn longest_s(config: &Config, robot: &Robot) -> f32 {
 /// Row and bit of a point; of the nearest cell where it lies outside the map.
 fn place(x_m: f32, y_m: f32) -> (usize, u32) {
     let most = (SAFETY_SIDE - 1) as f32;
-    let number = |part_m: f32, from_m: f32| {
-        libm::floorf((part_m - from_m) / SAFETY_GRID.cell_m).clamp(0.0, most) as usize
-    };
+    // Not negative, so the cast rounds down.
+    let number =
+        |part_m: f32, from_m: f32| ((part_m - from_m) / SAFETY_GRID.cell_m).clamp(0.0, most) as usize;
     (number(x_m, SAFETY_GRID.rear_m), number(y_m, SAFETY_GRID.right_m) as u32)
 }
 

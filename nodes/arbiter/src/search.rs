@@ -158,18 +158,20 @@ impl Filter<'_> {
         };
         let mut hit = Hit { cell: NO_CELL, moving: false };
         // Neighbouring scales often give the same command; it is swept once.
-        let mut last: Option<(Motion, Result<Motion, Hit>)> = None;
+        let (mut passed, mut failed) = (None, None);
         let mut sweep = |scale: f32| {
             let motion = at(scale);
-            let verdict = match last {
-                Some((known, verdict)) if known == motion => verdict,
-                _ => self.try_motion(motion, true, false),
-            };
-            last = Some((motion, verdict));
-            if let Err(found) = verdict {
-                hit = found;
+            if failed == Some(motion) {
+                return None;
             }
-            verdict.ok()
+            if passed != Some(motion) {
+                if let Err(found) = self.try_motion(motion, true, false) {
+                    (failed, hit) = (Some(motion), found);
+                    return None;
+                }
+                passed = Some(motion);
+            }
+            passed
         };
         let top = question.scale_max.clamp(0.0, 1.0);
         if let Some(motion) = sweep(top) {

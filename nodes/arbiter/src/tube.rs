@@ -10,15 +10,9 @@ use crate::config::Config;
 use crate::held::Held;
 use crate::limits::{Limiter, Motion};
 use crate::queue::{Pending, SENT_MAX};
+use crate::rollout::{Brake, Course, Member, Rollout, STEP_S, STEPS_MAX};
 use sidestep_msgs::{NO_CELL, Robot, Twist};
 
-/// `[s]` one step of the simulation.
-const STEP_S: f32 = 0.01;
-/// Most steps: 8 s, longer than any stop the limits allow.
-const STEPS_MAX: usize = 800;
-/// `[m/s]` and [rad/s]: slower is rest.
-const REST_M_S: f32 = 0.005;
-const REST_RAD_S: f32 = 0.01;
 /// `[m]` longest motion between two looks of a robot that has no more than the least margin, and of one that holds cells.
 const NEAR_GAP_M: f32 = 0.002;
 const HELD_GAP_M: f32 = 0.004;
@@ -26,15 +20,6 @@ const HELD_GAP_M: f32 = 0.004;
 const ROUNDING_M: f32 = 1e-4;
 /// `[m]` most by which the error of the turn rate widens the footprint along the path.
 const TURN_ERROR_MOST_M: f32 = 0.015;
-
-/// A member of the identified set of the actuator.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Corner {
-    /// `[s]` dead time.
-    dead_s: f32,
-    /// `[m/s^2]` strongest deceleration.
-    brake_m_s2: f32,
-}
 
 /// What is true at a step for every candidate.
 #[derive(Debug, Clone, Copy)]
@@ -93,58 +78,12 @@ impl Hit {
     }
 }
 
-/// The braking commands that follow a candidate.
-struct Brake {
-    twist: Twist,
-    speed_m_s: f32,
-    along_m_s2: f32,
-    hardest_m_s2: f32,
-    jerk_m_s3: f32,
-    turn_s2: f32,
-    now: Twist,
-}
-
-impl Brake {
-    fn new(candidate: &Candidate, limiter: &Limiter, robot: &Robot) -> Self {
-        let twist = candidate.motion.twist;
-        let hardest = limiter.deceleration(twist);
-        let along = if candidate.comfort {
-            (candidate.motion.acceleration_m_s2 * twist.v_m_s.signum()).max(-hardest)
-        } else {
-            -hardest
-        };
-        Self {
-            twist,
-            speed_m_s: twist.v_m_s.abs(),
-            along_m_s2: along,
-            hardest_m_s2: hardest,
-            jerk_m_s3: robot.limits.comfort_jerk_m_s3,
-            turn_s2: robot.limits.turn_accelerate_rad_s2,
-            now: twist,
-        }
-    }
-
-    /// The next braking command.
-    fn next(&mut self) -> Twist {
-        let before = self.twist.v_m_s.abs();
-        if before < 1e-3 {
-            let less = self.turn_s2 * STEP_S;
-            self.now.w_rad_s = (self.now.w_rad_s.abs() - less).max(0.0).copysign(self.now.w_rad_s);
-            self.now.v_m_s = 0.0;
-            return self.now;
-        }
-        self.along_m_s2 = (self.along_m_s2 - self.jerk_m_s3 * STEP_S).max(-self.hardest_m_s2);
-        self.speed_m_s = (self.speed_m_s + self.along_m_s2 * STEP_S).max(0.0);
-        let part = self.speed_m_s / before;
-        self.now = Twist::new(self.twist.v_m_s * part, self.twist.w_rad_s * part.min(1.0));
-        self.now
-    }
-}
-
 /// Sweeps candidates over the free space.
 #[derive(Debug, Clone)]
 pub(crate) struct Tube {
-    corners: [Corner; 5],
+    /// The member that comes to rest last: it fails soonest.
+    longest: [Member; 1],
+    others: [Member; 4],
     outline: Outline,
     limiter: Limiter,
     robot: Robot,
@@ -163,16 +102,15 @@ impl Tube {
         let a = &robot.actuator;
         let (soon, late) = (a.dead_time_min_s, a.dead_time_max_s);
         let strong = a.brake_max_m_s2.max(a.brake_min_m_s2);
-        let corner = |dead_s, brake_m_s2| Corner { dead_s, brake_m_s2 };
+        let member = |dead_s, brake_m_s2| Member { dead_s, brake_m_s2 };
         let ratio = STEP_S / a.lag_s.max(1e-4);
         Self {
-            // The longest first: it fails soonest.
-            corners: [
-                corner(late, a.brake_min_m_s2),
-                corner(soon, strong),
-                corner(soon, a.brake_min_m_s2),
-                corner(late, strong),
-                corner(0.5 * (soon + late), 0.5 * (a.brake_min_m_s2 + strong)),
+            longest: [member(late, a.brake_min_m_s2)],
+            others: [
+                member(soon, strong),
+                member(soon, a.brake_min_m_s2),
+                member(late, strong),
+                member(0.5 * (soon + late), 0.5 * (a.brake_min_m_s2 + strong)),
             ],
             outline: outline.clone(),
             limiter: Limiter::new(&robot.limits),
@@ -222,7 +160,7 @@ impl Tube {
         low
     }
 
-    /// Sweeps a candidate for every corner.
+    /// Sweeps a candidate for every member.
     ///
     /// # Errors
     /// What is in the way.
@@ -232,63 +170,63 @@ impl Tube {
         space: &FreeSpace,
         candidate: &Candidate,
     ) -> Result<(), Hit> {
-        self.corners.iter().try_for_each(|corner| self.sweep(situation, space, candidate, corner))
+        let course = Course {
+            situation,
+            twist: candidate.motion.twist,
+            hold_s: self.hold_s,
+            follow: self.follow,
+            tracking_m_s: self.robot.actuator.tracking_m_s,
+            radius_m: self.outline.radius_m(self.full_margin_m),
+            // What moves comes nearer by itself.
+            nearer_m: if situation.movers { space.movers.speed_m_s() * STEP_S } else { 0.0 },
+        };
+        let mut brake = Brake::new(candidate, &self.limiter, &self.robot);
+        self.sweep(&course, space, candidate, &mut brake, &self.longest)?;
+        self.sweep(&course, space, candidate, &mut brake, &self.others)
     }
 
-    fn sweep(
+    /// Sweeps members side by side; of several that fail, the first one's hit is the answer.
+    fn sweep<const N: usize>(
         &self,
-        situation: &Situation,
+        course: &Course<'_>,
         space: &FreeSpace,
         candidate: &Candidate,
-        corner: &Corner,
+        brake: &mut Brake,
+        members: &[Member; N],
     ) -> Result<(), Hit> {
-        let actuator = &self.robot.actuator;
-        let pending = &situation.pending[..situation.pending_count.min(SENT_MAX)];
-        let begin_s = situation.age_s + corner.dead_s;
-        let brake_s = begin_s + self.hold_s;
-        let mut brake = Brake::new(candidate, &self.limiter, &self.robot);
-        let mut at = situation.at;
-        let (mut v, mut w) = (situation.twist.v_m_s, situation.twist.w_rad_s);
-        // Before the first known command took effect, the base is assumed to go on as it goes.
-        let mut command = situation.twist;
-        let mut following = 0;
+        let look = |rollout: &Rollout<'_, N>, member: usize, time_s: f32| {
+            let (at, path_m) = (rollout.at(member), rollout.path_m[member]);
+            self.allowance(course.situation, space, candidate, &at, time_s, path_m)
+        };
+        let mut rollout = Rollout::new(course, members);
         // The start is checked too: a map may have come since.
-        let (mut moved_m, mut step_m, mut allowed_m) = (0.0f32, 0.0f32, -1.0f32);
-        let mut path_m = 0.0;
-        // What moves comes nearer by itself.
-        let nearer_m = if situation.movers { space.movers.speed_m_s() * STEP_S } else { 0.0 };
+        let (mut moved_m, mut allowed_m) = ([0.0f32; N], [-1.0f32; N]);
+        let mut rests = [false; N];
+        let (mut asked, mut found) = (N, Ok(()));
         for step in 0..STEPS_MAX {
             let time_s = step as f32 * STEP_S;
-            // Looked at before the next step would pass what is allowed; NaN looks at every pose.
-            let goes_on = moved_m + step_m <= allowed_m;
-            if !goes_on {
-                allowed_m = self.allowance(situation, space, candidate, &at, time_s, path_m)?;
-                moved_m = 0.0;
-            }
-            if time_s >= brake_s {
-                command = brake.next();
-                if command == Twist::STOP && v.abs() < REST_M_S && w.abs() < REST_RAD_S {
-                    return self.allowance(situation, space, candidate, &at, time_s, path_m).map(|_| ());
+            let (command_m_s, command_rad_s) = rollout.commands(time_s, brake);
+            for member in 0..N {
+                if member >= asked || rests[member] {
+                    continue;
                 }
-            } else if time_s >= begin_s {
-                command = candidate.motion.twist;
-            } else {
-                while pending.get(following).is_some_and(|next| next.sent_s + corner.dead_s <= time_s) {
-                    command = pending[following].twist;
-                    following += 1;
+                // Looked at before the next step would pass what is allowed; NaN looks at every pose.
+                let goes_on = moved_m[member] + rollout.step_m[member] <= allowed_m[member];
+                let is_told = command_m_s[member] == 0.0 && command_rad_s[member] == 0.0;
+                let is_last = is_told && rollout.rests(member);
+                if goes_on && !is_last {
+                    continue;
+                }
+                match look(&rollout, member, time_s) {
+                    Ok(may_m) => (moved_m[member], allowed_m[member], rests[member]) = (0.0, may_m, is_last),
+                    Err(hit) => (asked, found) = (member, Err(hit)),
                 }
             }
-            let change = (command.v_m_s - v) * self.follow;
-            let slowing = change * v < 0.0;
-            let most = if slowing { corner.brake_m_s2 * STEP_S } else { f32::MAX };
-            v += change.clamp(-most, most);
-            w += (command.w_rad_s - w) * self.follow;
-            let error = if command.v_m_s.abs() > 1e-3 { actuator.tracking_m_s } else { 0.0 };
-            let length_m = (v + error.copysign(v)) * STEP_S;
-            advance(&mut at, length_m, w * STEP_S);
-            path_m += length_m.abs();
-            step_m = length_m.abs() + w.abs() * STEP_S * self.outline.radius_m(self.full_margin_m) + nearer_m;
-            moved_m += step_m;
+            if rests[..asked].iter().all(|rests| *rests) {
+                return found;
+            }
+            rollout.advance(&command_m_s, &command_rad_s);
+            moved_m.iter_mut().zip(&rollout.step_m).for_each(|(moved_m, step_m)| *moved_m += step_m);
         }
         Err(Hit::standing(NO_CELL))
     }
@@ -346,23 +284,4 @@ impl Tube {
         let hit = self.outline.blocked(at, margin_m, rows);
         hit.map_or(Ok(self.gap_m), |cell| Err(moving(cell)))
     }
-}
-
-/// Moves a heading along an arc; the turn of one step is small enough for a short series.
-fn advance(at: &mut Heading, length_m: f32, turn_rad: f32) {
-    let half = 0.5 * turn_rad;
-    let (sin, cos) = small(half);
-    at.x_m += length_m * (at.cos * cos - at.sin * sin);
-    at.y_m += length_m * (at.sin * cos + at.cos * sin);
-    let (sin, cos) = small(turn_rad);
-    (at.cos, at.sin) = (at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin);
-}
-
-/// Sine and cosine of an angle below 0.1 rad; larger ones (a measured spin beyond any limit) from the library.
-fn small(angle_rad: f32) -> (f32, f32) {
-    if angle_rad.abs() > 0.1 {
-        return libm::sincosf(angle_rad);
-    }
-    let square = angle_rad * angle_rad;
-    (angle_rad * (1.0 - square / 6.0), 1.0 - 0.5 * square + square * square / 24.0)
 }
