@@ -85,6 +85,8 @@ pub struct Config {
     pub boxed_in_s: f32,
     /// `[s]` the same where what is in the way is a cell that nobody saw: it shows itself only from elsewhere.
     pub unseen_s: f32,
+    /// `[s]` hardly wanting to move for this long before a gap that the filter lets pass: recovery.
+    pub hesitate_s: f32,
     /// `[s]` no progress for this long: recovery.
     pub no_progress_s: f32,
     /// `[m]` what counts as progress.
@@ -132,6 +134,7 @@ impl Config {
         back_up_age_s: 20.0,
         boxed_in_s: 3.0,
         unseen_s: 1.0,
+        hesitate_s: 0.15,
         no_progress_s: 5.0,
         progress_m: 0.1,
         wait_s: 2.0,
@@ -179,6 +182,7 @@ impl Config {
             ("back_up_age_s", self.back_up_age_s, 0.0, 25.0, "0 to 25 s"),
             ("boxed_in_s", self.boxed_in_s, 0.5, 60.0, "0.5 to 60 s"),
             ("unseen_s", self.unseen_s, 0.2, 60.0, "0.2 to 60 s"),
+            ("hesitate_s", self.hesitate_s, 0.1, 60.0, "0.1 to 60 s"),
             ("no_progress_s", self.no_progress_s, 1.0, 600.0, "1 to 600 s"),
             ("progress_m", self.progress_m, 0.01, 1.0, "0.01 to 1 m"),
             ("wait_s", self.wait_s, 0.5, 600.0, "0.5 to 600 s"),

@@ -4,6 +4,7 @@ use crate::ahead::ahead;
 use crate::arbiter::{Arbiter, Verdict};
 use crate::clearance::heading;
 use crate::config::Resume;
+use crate::gap::aim;
 use crate::queue::{Pending, SENT_MAX};
 use crate::recovery::{Action, HeldBack};
 use crate::search::{Filter, Filtered, Question, Ways};
@@ -45,7 +46,10 @@ impl Arbiter {
             let inputs = &self.memory.inputs;
             let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
             let goal_m = inputs.map_base.transform(x_m, y_m);
-            self.memory.recovery.action(now_ns, &pose, goal_m, &self.config)
+            let at = heading(&safety_frame(&inputs.map_base), &pose);
+            let margin_m = self.tube.full_margin_m();
+            let aim = |goal_m| aim(&self.outline, &self.space.blocked, &at, margin_m, goal_m);
+            self.memory.recovery.action(now_ns, &pose, goal_m, &aim, &self.config)
         };
         let (winner, named) = match action {
             Action::Scan(_) => (Winner::Recovery, Some(Reason::ScanRotation)),
@@ -77,7 +81,8 @@ impl Arbiter {
             self.ask(&situation, &question)
         };
         if action == Action::Follow {
-            self.memory.recovery.held_back(self.held_back_by(&filtered, selected.reason));
+            let by = self.held_back_by(&filtered, selected.reason);
+            self.memory.recovery.heard(now_ns, selected.twist, by);
         }
         if let Action::Rest(reason) = action {
             let may_retry = self.config.resume == Resume::Auto;

@@ -15,6 +15,7 @@ mod drive;
 #[cfg(test)]
 mod fixture;
 mod freshness;
+mod gap;
 mod held;
 mod inputs;
 mod limits;

@@ -2,6 +2,7 @@
 //! near to be seen, turn round, then rest and ask. The map is never cleared.
 
 use crate::config::{Config, span_ns};
+use crate::gap::Aim;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
 
@@ -17,14 +18,16 @@ const PROGRESS_RAD: f64 = 0.6;
 /// `[m]` and `[rad]` what counts as having moved at all.
 const MOVED_M: f64 = 0.08;
 const MOVED_RAD: f64 = 0.3;
+/// `[m/s]` a lead that wants to go no faster hesitates.
+const SLOW_M_S: f32 = 0.15;
 /// `[m/s]` and `[m]` speed and longest way of an advance.
-const ADVANCE_M_S: f32 = 0.25;
-const ADVANCE_M: f64 = 0.6;
+const ADVANCE_M_S: f32 = 0.5;
+const ADVANCE_M: f64 = 1.0;
 /// `[m]` an advance ends this near to its goal.
 const THERE_M: f64 = 0.15;
 /// `[rad]` bearing of the goal beyond which an advance only turns, and the gain `[1/s]` of that turn.
-const TURN_FIRST_RAD: f32 = 0.3;
-const TURN_GAIN: f32 = 2.0;
+const TURN_FIRST_RAD: f32 = 0.25;
+const TURN_GAIN: f32 = 3.0;
 /// `[ns]` an advance that cannot turn to its goal for this long goes straight on.
 const STRAIGHT_NS: u64 = 1_000_000_000;
 /// `[m]` this much farther from the trouble than a back-up leads, the next one is a new one.
@@ -99,6 +102,8 @@ pub(crate) struct Recovery {
     /// [`HeldBack`] code.
     held_back: u32,
     _pad: u32,
+    /// `[ns]` graph time since which the lead hardly wants to move although nothing holds it back; 0 = it wants to.
+    slow_ns: u64,
 }
 
 impl Recovery {
@@ -124,19 +129,25 @@ impl Recovery {
         self.anchor_ns = 0;
     }
 
-    /// Hears what held the last wish back.
-    pub(crate) fn held_back(&mut self, by: HeldBack) {
+    /// Hears what the lead wished, and what held it back.
+    pub(crate) fn heard(&mut self, now_ns: u64, wish: Twist, by: HeldBack) {
         self.held_back = by as u32;
+        if by != HeldBack::Nothing || wish.v_m_s.abs() > SLOW_M_S {
+            self.slow_ns = 0;
+        } else if self.slow_ns == 0 {
+            self.slow_ns = now_ns;
+        }
     }
 
     /// What to do now, given that there is a goal to drive to.
     ///
-    /// `goal_m`: the local goal in `odom`.
+    /// `goal_m`: the local goal in `odom`; `aim`: where to head for, with a goal at a point of `base`.
     pub(crate) fn action(
         &mut self,
         now_ns: u64,
         pose: &Pose2,
         goal_m: (f64, f64),
+        aim: &impl Fn((f32, f32)) -> Aim,
         config: &Config,
     ) -> Action {
         if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M + f64::from(config.back_up_m) {
@@ -175,33 +186,53 @@ impl Recovery {
                 let (x_m, y_m) = self.goal_from(pose);
                 let there = self.phase == ADVANCE && libm::hypot(x_m, y_m) < THERE_M;
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
-                if there || stuck || pose.distance_m(&self.place) > ADVANCE_M {
+                if stuck {
                     self.tried |= 1 << ADVANCE;
+                }
+                if there || stuck || pose.distance_m(&self.place) > ADVANCE_M {
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
             REST => {}
-            _ => self.follow(now_ns, pose, goal_m, config),
+            _ => self.follow(now_ns, pose, goal_m, aim, config),
         }
-        self.asked(pose, config)
+        self.asked(pose, aim, config)
     }
 
-    /// Begins what was not tried here yet, where the robot stands for too long or comes nowhere.
-    fn follow(&mut self, now_ns: u64, pose: &Pose2, goal_m: (f64, f64), config: &Config) {
+    /// Whether the lead hesitates before a gap that the filter lets pass, and no advance got stuck here.
+    fn hesitates(&self, now_ns: u64, aim: impl Fn() -> Aim, config: &Config) -> bool {
+        let slow = self.slow_ns != 0 && now_ns.saturating_sub(self.slow_ns) >= span_ns(config.hesitate_s);
+        slow && self.tried & 1 << ADVANCE == 0 && aim().is_gap
+    }
+
+    /// Leads on through a gap, or begins what was not tried here yet where the robot stands for too long or comes nowhere.
+    fn follow(
+        &mut self,
+        now_ns: u64,
+        pose: &Pose2,
+        goal_m: (f64, f64),
+        aim: &impl Fn((f32, f32)) -> Aim,
+        config: &Config,
+    ) {
         let is_unseen = self.held_back == HeldBack::Unseen as u32;
         let is_free = self.held_back == HeldBack::Nothing as u32;
         let patience_s = if is_unseen { config.unseen_s } else { config.boxed_in_s };
         let stands = now_ns.saturating_sub(self.still_ns) >= span_ns(patience_s);
         let lost = now_ns.saturating_sub(self.anchor_ns) >= span_ns(config.no_progress_s);
-        if !stands && !lost {
+        let goal = single(pose.inverse_transform(goal_m.0, goal_m.1));
+        let hesitates = !stands && !lost && self.hesitates(now_ns, || aim(goal), config);
+        if !stands && !lost && !hesitates {
             return;
         }
         self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
         (self.goal_x_m, self.goal_y_m) = goal_m;
-        self.side = if self.goal_from(pose).1 < 0.0 { -1.0 } else { 1.0 };
+        self.side = if goal.1 < 0.0 { -1.0 } else { 1.0 };
         // Who hesitates goes on; who is held back sees more from farther off.
         let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
         let phase = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
+        if phase == ADVANCE && !hesitates {
+            self.tried |= 1 << ADVANCE;
+        }
         self.trouble = *pose;
         self.begin(phase, now_ns, pose);
     }
@@ -253,16 +284,17 @@ impl Recovery {
         self.last_yaw_rad = pose.yaw_rad;
         self.still = *pose;
         self.still_ns = now_ns;
+        self.slow_ns = 0;
     }
 
-    fn asked(&self, pose: &Pose2, config: &Config) -> Action {
+    fn asked(&self, pose: &Pose2, aim: &impl Fn((f32, f32)) -> Aim, config: &Config) -> Action {
         match self.phase {
             SCAN => Action::Scan(Twist::new(0.0, self.side * config.escape_turn_rad_s)),
             BACK_UP => Action::BackUp(Twist::new(-config.back_up_m_s, 0.0)),
             STRAIGHT => Action::Advance(Twist::new(ADVANCE_M_S, 0.0)),
             ADVANCE => {
-                let (x_m, y_m) = self.goal_from(pose);
-                let bearing_rad = libm::atan2(y_m, x_m) as f32;
+                let Aim { x_m, y_m, .. } = aim(single(self.goal_from(pose)));
+                let bearing_rad = libm::atan2f(y_m, x_m);
                 let part = (1.0 - bearing_rad.abs() / TURN_FIRST_RAD).max(0.0);
                 let most = config.escape_turn_rad_s;
                 let turn_rad_s = (TURN_GAIN * bearing_rad).clamp(-most, most);
@@ -273,4 +305,9 @@ impl Recovery {
             _ => Action::Follow,
         }
     }
+}
+
+/// A point in single precision.
+fn single((x_m, y_m): (f64, f64)) -> (f32, f32) {
+    (x_m as f32, y_m as f32)
 }
