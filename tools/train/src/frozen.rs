@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x9b26_1460_6e5b_6bd6,
+        content_hash: 0x4fc6_57be_b9c4_c00d,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x5497_e6a2_f5ca_4930,
+        content_hash: 0x466e_ea5b_0e06_7dc1,
     },
 ];
 
