@@ -108,6 +108,12 @@ fn open_with_movers(bencher: divan::Bencher<'_, '_>) {
     step(bencher, &wary(), &map(|_, _| false), Twist::new(0.7, 0.3));
 }
 
+/// A lead that crawls in a doorway: the gap is looked for at each step.
+#[divan::bench]
+fn hesitating_in_a_doorway(bencher: divan::Bencher<'_, '_>) {
+    step(bencher, &robot(), &map(|x, y| y.abs() > 0.45 && x > 0.2), Twist::new(0.1, 0.0));
+}
+
 #[divan::bench]
 fn take_map(bencher: divan::Bencher<'_, '_>) {
     take(bencher, &robot());

@@ -85,7 +85,7 @@ pub struct Config {
     pub boxed_in_s: f32,
     /// `[s]` the same where what is in the way is a cell that nobody saw: it shows itself only from elsewhere.
     pub unseen_s: f32,
-    /// `[s]` hardly wanting to move for this long before a gap that the filter lets pass: recovery.
+    /// `[s]` wanting at most 0.15 m/s for this long before a gap that the footprint fits through: led on.
     pub hesitate_s: f32,
     /// `[s]` no progress for this long: recovery.
     pub no_progress_s: f32,

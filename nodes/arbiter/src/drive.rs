@@ -10,7 +10,7 @@ use crate::recovery::{Action, HeldBack};
 use crate::search::{Filter, Filtered, Question, Ways};
 use crate::select::Selected;
 use crate::tube::Situation;
-use sidestep_msgs::{NO_CELL, Reason, Twist, Winner, safety_frame};
+use sidestep_msgs::{NO_CELL, Pose2, Reason, Twist, Winner, safety_frame};
 
 /// `[1]` a boxed-in robot drives on when this part of the wish is safe again.
 const FREE_SCALE: f32 = 0.5;
@@ -43,13 +43,7 @@ impl Arbiter {
             question.ways = Ways::Wish;
             Action::Follow
         } else {
-            let inputs = &self.memory.inputs;
-            let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
-            let goal_m = inputs.map_base.transform(x_m, y_m);
-            let at = heading(&safety_frame(&inputs.map_base), &pose);
-            let margin_m = self.tube.full_margin_m();
-            let aim = |goal_m| aim(&self.outline, &self.space.blocked, &at, margin_m, goal_m);
-            self.memory.recovery.action(now_ns, &pose, goal_m, &aim, &self.config)
+            self.recover(now_ns, &pose)
         };
         let (winner, named) = match action {
             Action::Scan(_) => (Winner::Recovery, Some(Reason::ScanRotation)),
@@ -98,6 +92,17 @@ impl Arbiter {
             (reason, _) => reason,
         };
         Verdict { winner, wish, filtered }
+    }
+
+    /// What the recovery does, given where the goal is and where its gaps are.
+    fn recover(&mut self, now_ns: u64, pose: &Pose2) -> Action {
+        let inputs = &self.memory.inputs;
+        let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
+        let goal_m = inputs.map_base.transform(x_m, y_m);
+        let at = heading(&safety_frame(&inputs.map_base), pose);
+        let margin_m = self.tube.full_margin_m();
+        let aim_at = |goal_m| aim(&self.outline, &self.space.blocked, &at, margin_m, goal_m);
+        self.memory.recovery.action(now_ns, pose, goal_m, &aim_at, &self.config)
     }
 
     /// What held a wish back. Proposers that both see no way are held back by what they see.

@@ -1,4 +1,4 @@
-//! The middle of a gap: where a slow advance towards a goal gets farthest.
+//! The middle of a gap: where an advance towards a goal gets farthest.
 //!
 //! The footprint is tried, turned to the goal, on lines beside each other that lead there. No path is planned: the answer
 //! is a point to head for, and every motion towards it passes the filter as any other.
@@ -89,7 +89,7 @@ mod tests {
 
     const MIDDLE: Heading = Heading { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
 
-    /// The aim at a goal 2 m ahead, where cells are taken that lie so.
+    /// The aim at a goal ahead, where cells are taken that lie so.
     fn aimed(taken: impl Fn(f32, f32) -> bool, goal_x_m: f32) -> Aim {
         let mut rows: Rows = [0; SAFETY_SIDE];
         for (row, bits) in rows.iter_mut().enumerate() {

@@ -142,7 +142,9 @@ impl Inputs {
 
     pub(crate) fn take_goal(&mut self, goal: &LocalGoal, header: &Header) {
         let told = [Status::Ok, Status::Arrived, Status::NoGoal, Status::Hold, Status::Lost];
-        let fit = told.iter().any(|status| *status as u32 == header.status);
+        let is_placed = goal.x_m.is_finite() && goal.y_m.is_finite();
+        let fit = told.iter().any(|status| *status as u32 == header.status)
+            && (is_placed || header.status != Status::Ok as u32);
         if self.goal_stamps.offer(goal.capture_ns, header.now_ns, fit) {
             self.goal_status = header.status;
             self.goal_x_m = goal.x_m;

@@ -30,6 +30,8 @@ const TURN_FIRST_RAD: f32 = 0.25;
 const TURN_GAIN: f32 = 3.0;
 /// `[ns]` an advance that cannot turn to its goal for this long goes straight on.
 const STRAIGHT_NS: u64 = 1_000_000_000;
+/// Times a lead is led on from about the same place.
+const LED_ON_MOST: u32 = 2;
 /// `[m]` this much farther from the trouble than a back-up leads, the next one is a new one.
 const AWAY_M: f64 = 0.5;
 
@@ -62,7 +64,7 @@ pub(crate) enum Action {
     Scan(Twist),
     /// A motion backward over free cells.
     BackUp(Twist),
-    /// A slow motion towards the goal.
+    /// A motion towards the goal, through the middle of a gap.
     Advance(Twist),
     /// Rest, with the trouble as the reason.
     Rest(Reason),
@@ -101,15 +103,18 @@ pub(crate) struct Recovery {
     tried: u32,
     /// [`HeldBack`] code.
     held_back: u32,
-    _pad: u32,
+    /// How often the lead was led on through a gap from about `gap` on.
+    led_on: u32,
     /// `[ns]` graph time since which the lead hardly wants to move although nothing holds it back; 0 = it wants to.
     slow_ns: u64,
+    /// Pose in `odom` from which it was led on last.
+    gap: Pose2,
 }
 
 impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
-        let keep = (self.tried, self.trouble);
+        let keep = (self.tried, self.trouble, self.led_on, self.gap);
         *self = Self {
             anchor: *pose,
             anchor_ns: now_ns,
@@ -118,13 +123,15 @@ impl Recovery {
             still_ns: now_ns,
             ..Self::zeroed()
         };
-        (self.tried, self.trouble) = keep;
+        (self.tried, self.trouble, self.led_on, self.gap) = keep;
     }
 
     /// An operator's word: tries everything again.
     pub(crate) fn forgive(&mut self) {
         self.phase = FOLLOW;
         self.tried = 0;
+        self.led_on = 0;
+        self.slow_ns = 0;
         self.still_ns = 0;
         self.anchor_ns = 0;
     }
@@ -188,6 +195,7 @@ impl Recovery {
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if stuck {
                     self.tried |= 1 << ADVANCE;
+                    self.trouble = *pose;
                 }
                 if there || stuck || pose.distance_m(&self.place) > ADVANCE_M {
                     self.begin(FOLLOW, now_ns, pose);
@@ -199,10 +207,16 @@ impl Recovery {
         self.asked(pose, aim, config)
     }
 
-    /// Whether the lead hesitates before a gap that the filter lets pass, and no advance got stuck here.
-    fn hesitates(&self, now_ns: u64, aim: impl Fn() -> Aim, config: &Config) -> bool {
-        let slow = self.slow_ns != 0 && now_ns.saturating_sub(self.slow_ns) >= span_ns(config.hesitate_s);
-        slow && self.tried & 1 << ADVANCE == 0 && aim().is_gap
+    /// Whether the lead hesitates before a gap that the footprint fits through, and no advance got stuck here or led back here
+    /// again and again.
+    fn hesitates(&self, now_ns: u64, pose: &Pose2, aim: impl Fn() -> Aim, config: &Config) -> bool {
+        let is_slow = self.slow_ns != 0 && now_ns.saturating_sub(self.slow_ns) >= span_ns(config.hesitate_s);
+        let in_vain = self.led_on >= LED_ON_MOST && self.is_at_gap(pose);
+        is_slow && !in_vain && self.tried & 1 << ADVANCE == 0 && aim().is_gap
+    }
+
+    fn is_at_gap(&self, pose: &Pose2) -> bool {
+        pose.distance_m(&self.gap) < AWAY_M
     }
 
     /// Leads on through a gap, or begins what was not tried here yet where the robot stands for too long or comes nowhere.
@@ -220,7 +234,7 @@ impl Recovery {
         let stands = now_ns.saturating_sub(self.still_ns) >= span_ns(patience_s);
         let lost = now_ns.saturating_sub(self.anchor_ns) >= span_ns(config.no_progress_s);
         let goal = single(pose.inverse_transform(goal_m.0, goal_m.1));
-        let hesitates = !stands && !lost && self.hesitates(now_ns, || aim(goal), config);
+        let hesitates = !stands && !lost && self.hesitates(now_ns, pose, || aim(goal), config);
         if !stands && !lost && !hesitates {
             return;
         }
@@ -230,10 +244,14 @@ impl Recovery {
         // Who hesitates goes on; who is held back sees more from farther off.
         let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
         let phase = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
-        if phase == ADVANCE && !hesitates {
-            self.tried |= 1 << ADVANCE;
+        if hesitates {
+            // No trouble yet: what was tried stays tried where it was.
+            (self.gap, self.led_on) =
+                if self.is_at_gap(pose) { (self.gap, self.led_on + 1) } else { (*pose, 1) };
+        } else {
+            self.tried |= u32::from(phase == ADVANCE) << ADVANCE;
+            self.trouble = *pose;
         }
-        self.trouble = *pose;
         self.begin(phase, now_ns, pose);
     }
 

@@ -57,7 +57,7 @@ fn drive_through(number: u64, lead: Lead, robot: &Robot) -> (Option<f64>, u32, S
 }
 
 #[test]
-fn a_door_of_80_cm_is_driven_through_at_walking_pace() {
+fn a_door_of_80_cm_is_driven_through_at_30_cm_s() {
     let asked = std::env::var("SIDESTEP_DOORS").ok().map(|text| text.parse::<usize>().unwrap());
     let robot = Robot::from_toml("loomo", include_str!("../../../launch/robots/loomo.toml")).unwrap();
     let threads = std::thread::available_parallelism().unwrap().get();

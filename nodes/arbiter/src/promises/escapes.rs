@@ -1,8 +1,10 @@
 //! Ways out: turning, backing up, recovery, squeezing away from what is too near.
 
 use crate::Config;
-use crate::fixture::{Stage, map_of};
-use sidestep_msgs::{AGE_NEVER, AGE_OLDER, Header, LocalGoal, Reason, SAFETY_GRID, Twist};
+use crate::fixture::{Solid, Stage, map_of};
+use sidestep_msgs::{
+    AGE_NEVER, AGE_OLDER, Estop, EstopAction, Header, LocalGoal, Pose2, Reason, SAFETY_GRID, Status, Twist,
+};
 
 const CONFIG: Config = Config::STANDARD;
 
@@ -265,21 +267,68 @@ fn a_far_flicker_stops_nobody() {
     }
 }
 
-/// A lead that crawls before a door, beside its middle: it is led through the middle at once. One that crawls in the open, or
-/// before a door that the goal does not lie behind, is left alone for 3 s.
+/// A door ahead, its middle 0.1 m to the left of the robot's way.
+const DOOR: [Solid; 2] = [[0.6, -3.0, 0.7, -0.3], [0.6, 0.5, 0.7, 3.0]];
+
+fn advances(stage: &mut Stage, ticks: usize) -> Option<usize> {
+    (0..ticks).find(|_| stage.tick().reason == Reason::Advance as u32)
+}
+
+/// A lead that crawls before a door, or stands, is led through its middle at once; in the open it is left alone for 3 s.
 #[test]
-fn who_hesitates_before_a_gap_is_led_through_it() {
-    let door = [[0.6, -3.0, 0.7, -0.3], [0.6, 0.5, 0.7, 3.0]];
-    let mut stage = Stage::new(&CONFIG, &door);
+fn who_hesitates_before_a_gap_is_led_through_its_middle() {
+    for crawl_m_s in [0.1, 0.0] {
+        let mut stage = Stage::new(&CONFIG, &DOOR);
+        stage.wish = Twist::new(crawl_m_s, 0.0);
+        let begins = advances(&mut stage, 300).unwrap();
+        assert!((10..40).contains(&begins), "{begins} ticks");
+        let passes = (0..600).any(|_| {
+            stage.tick();
+            stage.pose.x_m > 0.65
+        });
+        assert!(passes && (stage.pose.y_m - 0.1).abs() < 0.03, "{:?}", stage.pose);
+        let mut open = Stage::new(&CONFIG, &[]);
+        open.wish = Twist::new(0.3 * crawl_m_s, 0.0);
+        assert_eq!(advances(&mut open, 280), None);
+    }
+}
+
+/// Arrived, held and stopped is who is told so, on the way through a gap too; and a person drives at once.
+#[test]
+fn no_advance_goes_on_against_a_word_to_stop() {
+    let led_on = || {
+        let mut stage = Stage::new(&CONFIG, &DOOR);
+        stage.wish = Twist::new(0.1, 0.0);
+        advances(&mut stage, 300).unwrap();
+        stage.ticks(40);
+        assert!(stage.twist.v_m_s > 0.1 && stage.command.reason == Reason::Advance as u32);
+        stage
+    };
+    for status in [Status::Arrived, Status::Hold, Status::NoGoal, Status::Lost] {
+        let mut stage = led_on();
+        stage.goal_status = status;
+        stage.ticks(4);
+        assert!((0..200).all(|_| stage.tick().reason != Reason::Advance as u32), "{status:?}");
+        assert!(stage.twist.v_m_s.abs() < 0.01, "{status:?}");
+    }
+    let mut stage = led_on();
+    stage.arbiter.estop(&Estop { token: 5, action: EstopAction::Stop as u32, _pad: 0 });
+    assert!((0..200).all(|_| stage.tick().reason == Reason::EstopLatched as u32));
+    assert!(stage.twist.v_m_s.abs() < 0.01);
+}
+
+/// Carried back to the door again and again, it is led on twice from there, not for ever.
+#[test]
+fn who_comes_back_to_a_gap_is_not_led_on_for_ever() {
+    let mut stage = Stage::new(&CONFIG, &DOOR);
     stage.wish = Twist::new(0.1, 0.0);
-    let begins = (0..300).find(|_| stage.tick().reason == Reason::Advance as u32).unwrap();
-    assert!((10..40).contains(&begins), "{begins} ticks");
-    let passes = (0..600).find(|_| {
-        stage.tick();
-        stage.pose.x_m > 0.65
-    });
-    assert!(passes.is_some() && (stage.pose.y_m - 0.1).abs() < 0.03, "{:?}", stage.pose);
-    let mut open = Stage::new(&CONFIG, &[]);
-    open.wish = Twist::STOP;
-    assert!((0..280).all(|_| open.tick().reason != Reason::Advance as u32));
+    let mut times = 0;
+    for _ in 0..4 {
+        (stage.pose, stage.twist) = (Pose2::ORIGIN, Twist::STOP);
+        if advances(&mut stage, 100).is_some() {
+            times += 1;
+            (0..600).find(|_| stage.tick().reason != Reason::Advance as u32).unwrap();
+        }
+    }
+    assert_eq!(times, 2);
 }
