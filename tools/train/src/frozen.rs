@@ -37,7 +37,7 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x4fc6_57be_b9c4_c00d,
+        content_hash: 0x7416_23b5_c785_7982,
     },
     FrozenSet {
         name: "paper.data",
