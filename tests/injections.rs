@@ -7,7 +7,7 @@ use crate::faults::{Drive, Random, is};
 use crate::harness::send_signal;
 use sidestep_bus::{Keep, host_ns, pause};
 use sidestep_latency::{Distribution, Figures};
-use sidestep_msgs::{Command, ODOMETRY, Odometry, Reason, Robot, Winner};
+use sidestep_msgs::{Code, Command, ODOMETRY, Odometry, Reason, Robot, Winner};
 use std::time::Duration;
 
 /// A node that is stopped keeps its process: what is measured is the graph's answer, not the launcher's.
@@ -15,6 +15,22 @@ const PATIENT: &[&str] = &["--set", "supervision.hang_ms=60000"];
 
 fn injections() -> usize {
     std::env::var("SIDESTEP_INJECTIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(3)
+}
+
+/// `[ns]` an answer that takes longer is shown with what was said meanwhile.
+const LATE_NS: u64 = 120_000_000;
+
+/// Winners and reasons in turn, without repetitions.
+fn said(seen: &[(u64, Command)]) -> String {
+    let mut words: Vec<String> = seen
+        .iter()
+        .map(|(_, command)| {
+            let winner = Winner::from_code(command.winner).map_or("unknown", Winner::label);
+            format!("{winner}: {}", Reason::from_code(command.reason).map_or("unknown", Reason::label))
+        })
+        .collect();
+    words.dedup();
+    words.join("; ")
 }
 
 /// What must follow once these nodes are silent.
@@ -81,7 +97,11 @@ fn injections_are_answered_within_the_ages() {
             let seen = drive.until("the answer", row.answers);
             processes.iter().for_each(|&process| send_signal(process, libc::SIGCONT));
             let (answer_ns, _) = seen.last().unwrap();
-            times.add(answer_ns.saturating_sub(before_ns));
+            let took_ns = answer_ns.saturating_sub(before_ns);
+            times.add(took_ns);
+            if took_ns > LATE_NS {
+                eprintln!("{}: after {} ms, {}", row.name, took_ns / 1_000_000, said(&seen));
+            }
             // Whatever is silent, and however late the machine, nobody drives on inputs above their ages.
             for (now_ns, command) in &seen {
                 let young = command.map_age_s <= 0.1001 && command.odometry_age_s <= 0.0601;

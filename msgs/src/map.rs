@@ -131,7 +131,7 @@ record! {
     /// Frame: [`SafetyMap::frame`], with the axes of `odom` and its origin on the corner of the mapper's cells that is
     /// nearest to the robot; geometry [`SAFETY_GRID`]. So its cells are those of the mapper, and stay what they are while
     /// the robot turns and moves. Writer: `mapper`. Reader: `arbiter`, nothing else.
-    pub struct SafetyMap("sidestep/SafetyMap/3") {
+    pub struct SafetyMap("sidestep/SafetyMap/4") {
         /// `[ns]` graph time at which the camera saw this.
         pub capture_ns: u64,
         /// Pose of `base` in `odom` used for this map.

@@ -429,3 +429,37 @@ impl FreeSpace {
         free.saturating_sub(1) as f32 / CELLS_PER_M
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::loomo;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// What is asked of the box first is what is asked of the outline; outside the map nothing is free.
+        #[test]
+        fn the_box_answers_as_the_outline(
+            (x_m, y_m, yaw_rad) in (-2.1f32..2.1, -2.1f32..2.1, -3.2f32..3.2),
+            margin_m in -0.06f32..0.05,
+            seed in any::<u64>(),
+        ) {
+            let outline = Outline::new(&loomo()).unwrap();
+            let mut state = seed | 1;
+            let rows: Rows = std::array::from_fn(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                if state >> 61 == 0 { 1 << (state >> 20 & 63) } else { 0 }
+            });
+            let (sin, cos) = libm::sincosf(yaw_rad);
+            let at = Heading { x_m, y_m, cos, sin };
+            let found = outline.blocked(&at, margin_m, &rows);
+            if outline.placed(&at, margin_m).is_none() {
+                prop_assert_eq!(found, Some(NO_CELL));
+                prop_assert!(x_m.abs().max(y_m.abs()) > 1.6, "{} {}", x_m, y_m);
+            } else {
+                let covered = outline.overlapped(&at, margin_m, &rows);
+                prop_assert_eq!(found.is_some(), covered.iter().any(|row| *row != 0));
+            }
+        }
+    }
+}

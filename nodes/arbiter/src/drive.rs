@@ -4,9 +4,9 @@ use crate::ahead::ahead;
 use crate::arbiter::{Arbiter, Verdict};
 use crate::clearance::heading;
 use crate::config::Resume;
-use crate::gap::aim;
+use crate::gap::Gaps;
 use crate::queue::{Pending, SENT_MAX};
-use crate::recovery::{Action, HeldBack};
+use crate::recovery::{Action, HeldBack, Moment};
 use crate::search::{Filter, Filtered, Question, Ways};
 use crate::select::Selected;
 use crate::tube::Situation;
@@ -98,11 +98,19 @@ impl Arbiter {
     fn recover(&mut self, now_ns: u64, pose: &Pose2) -> Action {
         let inputs = &self.memory.inputs;
         let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
-        let goal_m = inputs.map_base.transform(x_m, y_m);
-        let at = heading(&safety_frame(&inputs.map_base), pose);
-        let margin_m = self.tube.full_margin_m();
-        let aim_at = |goal_m| aim(&self.outline, &self.space.blocked, &at, margin_m, goal_m);
-        self.memory.recovery.action(now_ns, pose, goal_m, &aim_at, &self.config)
+        let moment = Moment {
+            now_ns,
+            pose,
+            goal_m: inputs.map_base.transform(x_m, y_m),
+            gaps: Gaps {
+                outline: &self.outline,
+                blocked: &self.space.blocked,
+                at: heading(&safety_frame(&inputs.map_base), pose),
+                margin_m: self.tube.full_margin_m(),
+            },
+            config: &self.config,
+        };
+        self.memory.recovery.action(&moment)
     }
 
     /// What held a wish back. Proposers that both see no way are held back by what they see.

@@ -26,43 +26,49 @@ pub(crate) struct Aim {
     pub(crate) is_gap: bool,
 }
 
-/// The point to head for, with a goal at (`x_m`, `y_m`) in `base`; of lines that lead equally far, the middle one of those
-/// side by side that are nearest to the straight one.
-pub(crate) fn aim(
-    outline: &Outline,
-    blocked: &Rows,
-    at: &Heading,
-    margin_m: f32,
-    (x_m, y_m): (f32, f32),
-) -> Aim {
-    let range_m = libm::hypotf(x_m, y_m);
-    let (cos, sin) = if range_m > 1e-3 { (x_m / range_m, y_m / range_m) } else { (1.0, 0.0) };
-    let along = [at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin];
-    let steps = |line: i32| {
-        let aside_m = line as f32 * ASIDE_M;
+/// What is needed to look for gaps from where the robot is.
+pub(crate) struct Gaps<'a> {
+    pub(crate) outline: &'a Outline,
+    pub(crate) blocked: &'a Rows,
+    pub(crate) at: Heading,
+    /// `[m]` by which the outline is widened.
+    pub(crate) margin_m: f32,
+}
+
+impl Gaps<'_> {
+    /// The point to head for, with a goal at a point of `base`; of lines that lead equally far, the middle one of those side
+    /// by side that are nearest to the straight one.
+    pub(crate) fn aim(&self, goal_m: (f64, f64)) -> Aim {
+        let (x_m, y_m) = (goal_m.0 as f32, goal_m.1 as f32);
+        let range_m = libm::hypotf(x_m, y_m);
+        let (cos, sin) = if range_m > 1e-3 { (x_m / range_m, y_m / range_m) } else { (1.0, 0.0) };
+        let at = &self.at;
+        let along = [at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin];
+        let far: [usize; 2 * LINES as usize + 1] =
+            std::array::from_fn(|line| self.steps(along, (line as i32 - LINES) as f32 * ASIDE_M));
+        let most = far.iter().copied().max().unwrap_or(0);
+        let aside_m = if most == 0 { 0.0 } else { middle_of(&far, most) * ASIDE_M };
+        let has_sides = far[0] < most && far[far.len() - 1] < most;
+        Aim {
+            x_m: AIM_M * cos - aside_m * sin,
+            y_m: AIM_M * sin + aside_m * cos,
+            is_gap: range_m > LAST as f32 * ALONG_M && most == STEPS && has_sides,
+        }
+    }
+
+    /// Places where the outline stands free, one after another on the line along `along` and `aside_m` to its left.
+    fn steps(&self, along: [f32; 2], aside_m: f32) -> usize {
         let is_free = |step: &i32| {
             let ahead_m = *step as f32 * ALONG_M;
             let place = Heading {
-                x_m: at.x_m + ahead_m * along[0] - aside_m * along[1],
-                y_m: at.y_m + ahead_m * along[1] + aside_m * along[0],
+                x_m: self.at.x_m + ahead_m * along[0] - aside_m * along[1],
+                y_m: self.at.y_m + ahead_m * along[1] + aside_m * along[0],
                 cos: along[0],
                 sin: along[1],
             };
-            outline.blocked(&place, margin_m, blocked).is_none()
+            self.outline.blocked(&place, self.margin_m, self.blocked).is_none()
         };
         (FIRST..=LAST).take_while(is_free).count()
-    };
-    let far: [usize; 2 * LINES as usize + 1] = std::array::from_fn(|index| steps(index as i32 - LINES));
-    let most = far.iter().copied().max().unwrap_or(0);
-    let middle = if most == 0 { 0.0 } else { middle_of(&far, most) };
-    let aside_m = middle * ASIDE_M;
-    Aim {
-        x_m: AIM_M * cos - aside_m * sin,
-        y_m: AIM_M * sin + aside_m * cos,
-        is_gap: range_m > LAST as f32 * ALONG_M
-            && most == STEPS
-            && far[0] < most
-            && far[far.len() - 1] < most,
     }
 }
 
@@ -90,7 +96,7 @@ mod tests {
     const MIDDLE: Heading = Heading { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
 
     /// The aim at a goal ahead, where cells are taken that lie so.
-    fn aimed(taken: impl Fn(f32, f32) -> bool, goal_x_m: f32) -> Aim {
+    fn aimed(taken: impl Fn(f32, f32) -> bool, goal_x_m: f64) -> Aim {
         let mut rows: Rows = [0; SAFETY_SIDE];
         for (row, bits) in rows.iter_mut().enumerate() {
             for bit in 0..SAFETY_SIDE {
@@ -98,7 +104,8 @@ mod tests {
                 *bits |= u128::from(taken(x_m, y_m)) << bit;
             }
         }
-        aim(&Outline::new(&loomo()).unwrap(), &rows, &MIDDLE, 0.025, (goal_x_m, 0.0))
+        let outline = Outline::new(&loomo()).unwrap();
+        Gaps { outline: &outline, blocked: &rows, at: MIDDLE, margin_m: 0.025 }.aim((goal_x_m, 0.0))
     }
 
     /// A door of 0.8 m whose middle lies `left_m` to the left, in a wall ahead.

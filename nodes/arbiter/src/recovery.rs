@@ -2,7 +2,7 @@
 //! near to be seen, turn round, then rest and ask. The map is never cleared.
 
 use crate::config::{Config, span_ns};
-use crate::gap::Aim;
+use crate::gap::{Aim, Gaps};
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
 
@@ -68,6 +68,17 @@ pub(crate) enum Action {
     Advance(Twist),
     /// Rest, with the trouble as the reason.
     Rest(Reason),
+}
+
+/// What a step of the recovery goes by.
+pub(crate) struct Moment<'a> {
+    pub(crate) now_ns: u64,
+    /// Pose in `odom`.
+    pub(crate) pose: &'a Pose2,
+    /// `[m]` the local goal in `odom`.
+    pub(crate) goal_m: (f64, f64),
+    pub(crate) gaps: Gaps<'a>,
+    pub(crate) config: &'a Config,
 }
 
 /// The progress of the robot and of its recovery.
@@ -147,16 +158,8 @@ impl Recovery {
     }
 
     /// What to do now, given that there is a goal to drive to.
-    ///
-    /// `goal_m`: the local goal in `odom`; `aim`: where to head for, with a goal at a point of `base`.
-    pub(crate) fn action(
-        &mut self,
-        now_ns: u64,
-        pose: &Pose2,
-        goal_m: (f64, f64),
-        aim: &impl Fn((f32, f32)) -> Aim,
-        config: &Config,
-    ) -> Action {
+    pub(crate) fn action(&mut self, moment: &Moment<'_>) -> Action {
+        let Moment { now_ns, pose, config, .. } = *moment;
         if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M + f64::from(config.back_up_m) {
             self.tried = 0;
         }
@@ -188,7 +191,11 @@ impl Recovery {
                     self.begin(if way_m > MOVED_M { FOLLOW } else { SCAN }, now_ns, pose);
                 }
             }
-            ADVANCE if still_ns > STRAIGHT_NS => self.begin(STRAIGHT, now_ns, pose),
+            ADVANCE if still_ns > STRAIGHT_NS => {
+                let place = self.place;
+                self.begin(STRAIGHT, now_ns, pose);
+                self.place = place;
+            }
             ADVANCE | STRAIGHT => {
                 let (x_m, y_m) = self.goal_from(pose);
                 let there = self.phase == ADVANCE && libm::hypot(x_m, y_m) < THERE_M;
@@ -202,17 +209,19 @@ impl Recovery {
                 }
             }
             REST => {}
-            _ => self.follow(now_ns, pose, goal_m, aim, config),
+            _ => self.follow(moment),
         }
-        self.asked(pose, aim, config)
+        self.asked(moment)
     }
 
     /// Whether the lead hesitates before a gap that the footprint fits through, and no advance got stuck here or led back here
     /// again and again.
-    fn hesitates(&self, now_ns: u64, pose: &Pose2, aim: impl Fn() -> Aim, config: &Config) -> bool {
+    fn hesitates(&self, moment: &Moment<'_>) -> bool {
+        let Moment { now_ns, pose, goal_m, gaps, config } = moment;
         let is_slow = self.slow_ns != 0 && now_ns.saturating_sub(self.slow_ns) >= span_ns(config.hesitate_s);
         let in_vain = self.led_on >= LED_ON_MOST && self.is_at_gap(pose);
-        is_slow && !in_vain && self.tried & 1 << ADVANCE == 0 && aim().is_gap
+        let may = is_slow && !in_vain && self.tried & 1 << ADVANCE == 0;
+        may && gaps.aim(pose.inverse_transform(goal_m.0, goal_m.1)).is_gap
     }
 
     fn is_at_gap(&self, pose: &Pose2) -> bool {
@@ -220,27 +229,20 @@ impl Recovery {
     }
 
     /// Leads on through a gap, or begins what was not tried here yet where the robot stands for too long or comes nowhere.
-    fn follow(
-        &mut self,
-        now_ns: u64,
-        pose: &Pose2,
-        goal_m: (f64, f64),
-        aim: &impl Fn((f32, f32)) -> Aim,
-        config: &Config,
-    ) {
+    fn follow(&mut self, moment: &Moment<'_>) {
+        let Moment { now_ns, pose, goal_m, config, .. } = *moment;
         let is_unseen = self.held_back == HeldBack::Unseen as u32;
         let is_free = self.held_back == HeldBack::Nothing as u32;
         let patience_s = if is_unseen { config.unseen_s } else { config.boxed_in_s };
         let stands = now_ns.saturating_sub(self.still_ns) >= span_ns(patience_s);
         let lost = now_ns.saturating_sub(self.anchor_ns) >= span_ns(config.no_progress_s);
-        let goal = single(pose.inverse_transform(goal_m.0, goal_m.1));
-        let hesitates = !stands && !lost && self.hesitates(now_ns, pose, || aim(goal), config);
+        let hesitates = !stands && !lost && self.hesitates(moment);
         if !stands && !lost && !hesitates {
             return;
         }
         self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
         (self.goal_x_m, self.goal_y_m) = goal_m;
-        self.side = if goal.1 < 0.0 { -1.0 } else { 1.0 };
+        self.side = if self.goal_from(pose).1 < 0.0 { -1.0 } else { 1.0 };
         // Who hesitates goes on; who is held back sees more from farther off.
         let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
         let phase = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
@@ -305,13 +307,14 @@ impl Recovery {
         self.slow_ns = 0;
     }
 
-    fn asked(&self, pose: &Pose2, aim: &impl Fn((f32, f32)) -> Aim, config: &Config) -> Action {
+    fn asked(&self, moment: &Moment<'_>) -> Action {
+        let config = moment.config;
         match self.phase {
             SCAN => Action::Scan(Twist::new(0.0, self.side * config.escape_turn_rad_s)),
             BACK_UP => Action::BackUp(Twist::new(-config.back_up_m_s, 0.0)),
             STRAIGHT => Action::Advance(Twist::new(ADVANCE_M_S, 0.0)),
             ADVANCE => {
-                let Aim { x_m, y_m, .. } = aim(single(self.goal_from(pose)));
+                let Aim { x_m, y_m, .. } = moment.gaps.aim(self.goal_from(moment.pose));
                 let bearing_rad = libm::atan2f(y_m, x_m);
                 let part = (1.0 - bearing_rad.abs() / TURN_FIRST_RAD).max(0.0);
                 let most = config.escape_turn_rad_s;
@@ -323,9 +326,4 @@ impl Recovery {
             _ => Action::Follow,
         }
     }
-}
-
-/// A point in single precision.
-fn single((x_m, y_m): (f64, f64)) -> (f32, f32) {
-    (x_m as f32, y_m as f32)
 }

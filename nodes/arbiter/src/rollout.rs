@@ -225,3 +225,84 @@ fn series(angle_rad: f32) -> (f32, f32) {
     let sin = angle_rad * (1.0 - square * (1.0 / 6.0));
     (sin, 1.0 - 0.5 * square + square * square * (1.0 / 24.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clearance::Rows;
+    use crate::fixture::loomo;
+    use crate::held::Held;
+    use crate::limits::Motion;
+    use crate::queue::{Pending, SENT_MAX};
+    use proptest::prelude::*;
+    use sidestep_msgs::SAFETY_SIDE;
+
+    const FREE: Rows = [0; SAFETY_SIDE];
+
+    /// Poses and rest of members on their way, step by step.
+    fn ways<const N: usize>(course: &Course<'_>, brake: &Candidate, members: &[Member; N]) -> Vec<[u32; 4]> {
+        let robot = loomo();
+        let mut brake = Brake::new(brake, &Limiter::new(&robot.limits), &robot);
+        let mut rollout = Rollout::new(course, members);
+        let mut way = Vec::new();
+        for step in 0..300 {
+            let (v, w) = rollout.commands(step as f32 * STEP_S, &mut brake);
+            way.extend((0..N).map(|member| {
+                let at = rollout.at(member);
+                [at.x_m.to_bits(), at.y_m.to_bits(), at.sin.to_bits(), u32::from(rollout.rests(member))]
+            }));
+            rollout.advance(&v, &w);
+        }
+        way
+    }
+
+    proptest! {
+        /// Side by side or alone, a member goes the same way, bit for bit.
+        #[test]
+        fn members_side_by_side_go_where_each_goes_alone(
+            (v, w) in (-0.2f32..1.0, -1.5f32..1.5),
+            (v_now, w_now) in (-0.2f32..1.0, -1.5f32..1.5),
+            sent in prop::collection::vec((-0.1f32..0.06, -0.2f32..1.0), 0..5),
+            members in prop::array::uniform4((0.02f32..0.1, 0.4f32..1.2)),
+            comfort in any::<bool>(),
+        ) {
+            let mut pending = [Pending::default(); SENT_MAX];
+            for (pending, (sent_s, v_m_s)) in pending.iter_mut().zip(&sent) {
+                *pending = Pending { sent_s: *sent_s, twist: Twist::new(*v_m_s, 0.1) };
+            }
+            let situation = Situation {
+                at: Heading { x_m: 0.01, y_m: -0.02, cos: 0.8, sin: 0.6 },
+                twist: Twist::new(v_now, w_now),
+                age_s: 0.012,
+                map_s: 0.0,
+                movers: false,
+                pending,
+                pending_count: sent.len(),
+                margin_m: 0.025,
+                old_margin_m: 0.025,
+                blocked: FREE,
+                old: FREE,
+                held: Held::NONE,
+                taken: FREE,
+            };
+            let twist = Twist::new(v, w);
+            let candidate = Candidate { motion: Motion::steady(twist), comfort, lately_seen: false };
+            let course = Course {
+                situation: &situation,
+                twist,
+                hold_s: 0.08,
+                follow: 0.1,
+                tracking_m_s: 0.01,
+                radius_m: 0.35,
+                nearer_m: 0.0,
+            };
+            let members = members.map(|(dead_s, brake_m_s2)| Member { dead_s, brake_m_s2 });
+            let together = ways(&course, &candidate, &members);
+            for (number, member) in members.iter().enumerate() {
+                let alone = ways(&course, &candidate, &[*member]);
+                let here: Vec<_> = together.iter().skip(number).step_by(4).copied().collect();
+                prop_assert_eq!(here, alone);
+            }
+        }
+    }
+}
