@@ -236,12 +236,13 @@ fn print(navigation: &Navigation) {
         crate::output::line(&format!("{}, sight {}, model {}", suite.name, suite.sight, suite.model));
         for group in &suite.groups {
             crate::output::line(&format!(
-                "  {:8} arbiter {:3}  reached {}, contact {}, {:.2} m/s, standing {:.2} s, J {:.3}",
+                "  {:8} arbiter {:3}  reached {}, contact {}, {:.2} m/s ({:.2} where both ways reached), standing {:.2} s, J {:.3}",
                 group.lead.label(),
                 if group.arbitrated { "on" } else { "off" },
                 group.reached.text(),
                 group.contact.text(),
                 group.speed_m_s,
+                group.shared_speed_m_s,
                 group.standing_s,
                 group.cost
             ));

@@ -1,13 +1,14 @@
 //! After its start no step allocates: counted by the allocator itself, on a drive through the office.
 
+use bytemuck::Zeroable;
 use sidestep_arbiter::Arbiter;
 use sidestep_expert::Expert;
 use sidestep_goal::Goal;
 use sidestep_guard::Guard;
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
-    Command, DepthFrame, Header, LocalGoal, LocalMap, NearField, Odometry, Path, Proposal, Ranges, Robot,
-    SafetyMap, Status, Winner,
+    Command, DepthFrame, Header, LocalGoal, LocalMap, NearField, Odometry, Path, Pose2, Proposal, Ranges,
+    Robot, SAFETY_GRID, SAFETY_SIDE, SafetyMap, Status, Twist, Winner,
 };
 use sidestep_policy::Policy;
 use sidestep_sim::Simulator;
@@ -165,4 +166,39 @@ fn no_step_allocates_and_the_policy_a_constant() {
     eprintln!("allocations per inference of the policy: {}", settled[0]);
     assert!(settled.iter().all(|&count| count == settled[0]), "{:?}", chain.inferences);
     assert_eq!(chain.counts, [0; 5], "mapper, goal, expert, arbiter, guard");
+}
+
+/// A robot in the end of a slot, with the goal beside it, until it is led out.
+#[test]
+fn looking_for_a_way_out_allocates_nothing() {
+    let robot = Robot::from_toml("loomo", include_str!("../launch/robots/loomo.toml")).unwrap();
+    let mut arbiter = Arbiter::new(&config("arbiter"), &robot, 0).unwrap();
+    let mut map = SafetyMap::zeroed();
+    for (index, occupancy) in map.occupancy.iter_mut().enumerate() {
+        let (x_m, y_m) = SAFETY_GRID.centre(index / SAFETY_SIDE, index % SAFETY_SIDE);
+        let stands = x_m > -0.3 && (x_m > 0.25 || y_m.abs() > 0.36) && y_m.abs() < 0.6;
+        *occupancy = if stands { 250 } else { 10 };
+    }
+    let (mut command, mut count, mut led_out) = (Command::default(), 0, false);
+    for tick in 100..600_u64 {
+        let stamp_ns = tick * 10_000_000;
+        map.capture_ns = stamp_ns;
+        let header = Header { source_frame: tick, now_ns: stamp_ns, ..Header::default() };
+        // The last bits of a live odometry never stand still.
+        let pose = Pose2::new(0.0, (tick % 2) as f64 * 1e-12, 0.0);
+        let odometry = Odometry { stamp_ns, pose, ..Odometry::default() };
+        let goal =
+            LocalGoal { capture_ns: stamp_ns, x_m: -1.0, y_m: 2.0, remaining_m: 3.0, ..LocalGoal::default() };
+        let twist = Twist::new(0.5, 0.0);
+        let wish = Proposal { capture_ns: stamp_ns, twist, ..Proposal::default() };
+        count += allocations(|| {
+            arbiter.odometry(&odometry, &header);
+            arbiter.safety_map(&map, &header);
+            arbiter.local_goal(&goal, &header);
+            arbiter.proposal(Winner::Policy, &wish, &header);
+            arbiter.step(stamp_ns, false, &mut command);
+        });
+        led_out |= command.winner == Winner::Recovery as u32;
+    }
+    assert!(led_out && count == 0, "{led_out} {count}");
 }

@@ -47,7 +47,10 @@ fn driving(robot: &Robot, map: &SafetyMap, twist: Twist) -> Arbiter {
         let pose = Pose2::new(0.0, tick as f64 * 1e-12, 0.0);
         arbiter.odometry(&Odometry { stamp_ns, pose, twist, ..Odometry::default() }, &header);
         arbiter.safety_map(&SafetyMap { capture_ns: stamp_ns, ..*map }, &header);
-        arbiter.local_goal(&LocalGoal { capture_ns: stamp_ns, x_m: 2.0, ..LocalGoal::default() }, &header);
+        arbiter.local_goal(
+            &LocalGoal { capture_ns: stamp_ns, x_m: 2.0, remaining_m: f32::NAN, ..LocalGoal::default() },
+            &header,
+        );
         arbiter.proposal(
             Winner::Policy,
             &Proposal { capture_ns: stamp_ns, twist, ..Proposal::default() },
@@ -131,4 +134,52 @@ fn take(bencher: divan::Bencher<'_, '_>, robot: &Robot) {
         seen.capture_ns += 1000;
         arbiter.safety_map(&seen, &Header::default());
     });
+}
+
+/// The step in which a way out is looked for: from the end of a slot, with the goal beside it.
+#[divan::bench]
+fn look_for_a_way_out(bencher: divan::Bencher<'_, '_>) {
+    looking(bencher, |x, y| x > -0.4 && (x > 0.25 || y.abs() > 0.34) && y.abs() < 0.6);
+}
+
+/// The same where there is none: both widths are searched until nothing more is reached.
+#[divan::bench]
+fn look_for_a_way_out_in_vain(bencher: divan::Bencher<'_, '_>) {
+    looking(bencher, |x, y| x.abs().max(y.abs()) > 1.2 || x > 0.25 && y.abs() < 0.6);
+}
+
+fn looking(bencher: divan::Bencher<'_, '_>, occupied: impl Fn(f32, f32) -> bool) {
+    let (robot, map) = (robot(), map(occupied));
+    let mut arbiter =
+        Arbiter::new(&Config::STANDARD, &robot, 0).unwrap_or_else(|error| unreachable!("{error}"));
+    let mut command = Command::default();
+    // The last step before it leaves the wish.
+    for tick in 0..1000 {
+        let stamp_ns = NOW_NS + tick * 10_000_000;
+        stand(&mut arbiter, &map, stamp_ns);
+        let before = arbiter.clone();
+        arbiter.step(stamp_ns, false, &mut command);
+        if command.winner == Winner::Recovery as u32 {
+            bencher.with_inputs(|| before.clone()).bench_local_values(|mut arbiter| {
+                let mut command = Command::default();
+                arbiter.step(stamp_ns, false, &mut command);
+                (command, arbiter)
+            });
+            return;
+        }
+    }
+}
+
+/// Gives an arbiter that is to drive ahead, with the goal to the left, what it needs to do so.
+fn stand(arbiter: &mut Arbiter, map: &SafetyMap, stamp_ns: u64) {
+    let header = Header { source_frame: 1, now_ns: stamp_ns, ..Header::default() };
+    let pose = Pose2::new(0.0, (stamp_ns / 10_000_000 % 2) as f64 * 1e-12, 0.0);
+    arbiter.odometry(&Odometry { stamp_ns, pose, ..Odometry::default() }, &header);
+    arbiter.safety_map(&SafetyMap { capture_ns: stamp_ns, ..*map }, &header);
+    arbiter.local_goal(
+        &LocalGoal { capture_ns: stamp_ns, y_m: 2.0, remaining_m: f32::NAN, ..LocalGoal::default() },
+        &header,
+    );
+    let proposal = Proposal { capture_ns: stamp_ns, twist: Twist::new(0.5, 0.0), ..Proposal::default() };
+    arbiter.proposal(Winner::Policy, &proposal, &header);
 }

@@ -10,6 +10,7 @@ use crate::recovery::Recovery;
 use crate::search::{Escape, Filtered};
 use crate::select::{Selected, Selection};
 use crate::tube::Tube;
+use crate::way_out::Planner;
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{
     Command, Estop, EstopAction, Header, LocalGoal, NearField, Odometry, Proposal, Ranges, Reason, Robot,
@@ -58,6 +59,7 @@ pub struct Arbiter {
     pub(crate) outline: Outline,
     pub(crate) limiter: Limiter,
     pub(crate) tube: Tube,
+    pub(crate) planner: Planner,
     pub(crate) space: FreeSpace,
     pub(crate) memory: Memory,
 }
@@ -91,6 +93,7 @@ impl Arbiter {
                 needed: "less than the footprint's half-width",
             });
         }
+        let tube = Tube::new(config, robot, &outline);
         let restarted = incarnation > 0;
         let memory = Memory {
             operator: Operator::new(restarted),
@@ -101,7 +104,8 @@ impl Arbiter {
             config: config.clone(),
             robot: robot.clone(),
             limiter: Limiter::new(&robot.limits),
-            tube: Tube::new(config, robot, &outline),
+            planner: Planner::new(robot, &outline, tube.full_margin_m()),
+            tube,
             outline,
             space: FreeSpace::new(config, robot),
             memory,

@@ -83,7 +83,8 @@ pub struct Config {
     pub back_up_age_s: f32,
     /// `[s]` standing for this long although there is a goal: recovery.
     pub boxed_in_s: f32,
-    /// `[s]` the same where what is in the way is a cell that nobody saw: it shows itself only from elsewhere.
+    /// `[s]` the same where what is in the way is a cell that nobody saw, which shows itself only from elsewhere, or nothing:
+    /// a lead that crawls without a reason.
     pub unseen_s: f32,
     /// `[s]` wanting at most 0.15 m/s for this long before a gap that the footprint fits through: led on.
     pub hesitate_s: f32,

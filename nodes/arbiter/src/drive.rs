@@ -102,15 +102,18 @@ impl Arbiter {
             now_ns,
             pose,
             goal_m: inputs.map_base.transform(x_m, y_m),
+            left_m: inputs.goal_left_m,
             gaps: Gaps {
                 outline: &self.outline,
                 blocked: &self.space.blocked,
                 at: heading(&safety_frame(&inputs.map_base), pose),
                 margin_m: self.tube.full_margin_m(),
             },
+            frame: safety_frame(&inputs.map_base),
+            unknown: &self.space.unknown,
             config: &self.config,
         };
-        self.memory.recovery.action(&moment)
+        self.memory.recovery.action(&moment, &mut self.planner)
     }
 
     /// What held a wish back. Proposers that both see no way are held back by what they see.

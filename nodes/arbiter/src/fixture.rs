@@ -195,7 +195,12 @@ impl Stage {
             self.arbiter.safety_map(&map, &ok);
         }
         if !self.mute.goal {
-            let goal = LocalGoal { capture_ns: self.now_ns, x_m: 2.0, ..LocalGoal::default() };
+            let goal = LocalGoal {
+                capture_ns: self.now_ns,
+                x_m: 2.0,
+                remaining_m: f32::NAN,
+                ..LocalGoal::default()
+            };
             self.arbiter.local_goal(&goal, &self.header(self.goal_status));
         }
         let proposal = self.proposal();

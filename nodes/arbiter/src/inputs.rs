@@ -87,11 +87,12 @@ pub(crate) struct Inputs {
     pub(crate) goal_stamps: Stamps,
     pub(crate) goal_x_m: f32,
     pub(crate) goal_y_m: f32,
+    /// `[m]` way left to the last goal.
+    pub(crate) goal_left_m: f32,
     pub(crate) goal_status: u32,
     pub(crate) map_epoch: u32,
     /// 1 while the frozen odometry was not seen to change.
     frozen: u32,
-    _pad: u32,
     pub(crate) policy: Wish,
     pub(crate) expert: Wish,
     pub(crate) teleop: Teleop,
@@ -149,6 +150,8 @@ impl Inputs {
             self.goal_status = header.status;
             self.goal_x_m = goal.x_m;
             self.goal_y_m = goal.y_m;
+            let range_m = libm::hypotf(goal.x_m, goal.y_m);
+            self.goal_left_m = if goal.remaining_m.is_finite() { goal.remaining_m } else { range_m };
         }
     }
 

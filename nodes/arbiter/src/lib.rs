@@ -19,6 +19,7 @@ mod gap;
 mod held;
 mod inputs;
 mod limits;
+mod maneuver;
 mod movers;
 mod node;
 mod operator;
@@ -31,7 +32,10 @@ mod search;
 mod select;
 mod standing;
 mod state;
+mod stencil;
 mod tube;
+mod wave;
+mod way_out;
 
 pub use arbiter::Arbiter;
 pub use config::{Config, ConfigError, Lead, Resume};

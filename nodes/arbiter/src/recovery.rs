@@ -1,16 +1,22 @@
-//! What to do when nothing helps: go on where the lead hesitates, back up where the filter stops it, to see what lay too
-//! near to be seen, turn round, then rest and ask. The map is never cleared.
+//! What to do when nothing helps: drive the way out that is known, else go on where the lead hesitates, back up where the
+//! filter stops it, to see what lay too near to be seen, turn round, then rest and ask. The map is never cleared.
 
+use crate::clearance::Rows;
 use crate::config::{Config, span_ns};
 use crate::gap::{Aim, Gaps};
+use crate::maneuver::Maneuver;
+use crate::way_out::{Planner, Scene};
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{Pose2, Reason, Twist, wrap_angle};
 
 /// `[rad]` a scan is done after a full turn.
 const SCAN_RAD: f64 = 2.0 * std::f64::consts::PI;
-/// `[ns]` longest scan, and longest back-up or advance.
+/// `[ns]` longest scan, longest back-up or advance, and longest way out.
 const SCAN_NS: u64 = 20_000_000_000;
 const MOVE_NS: u64 = 10_000_000_000;
+const MANEUVER_NS: u64 = 20_000_000_000;
+/// Ways out from about the same place.
+const MANEUVERS_MOST: u32 = 6;
 /// `[ns]` a recovery that moves nothing for this long is over.
 const BLOCKED_NS: u64 = 1_500_000_000;
 /// `[rad]` a turn by this much is progress as well, for three times the span allowed without any.
@@ -18,8 +24,11 @@ const PROGRESS_RAD: f64 = 0.6;
 /// `[m]` and `[rad]` what counts as having moved at all.
 const MOVED_M: f64 = 0.08;
 const MOVED_RAD: f64 = 0.3;
-/// `[m/s]` a lead that wants to go no faster hesitates.
+/// `[m/s]` and [rad/s] a lead that wants less wants to stand.
+const AT_REST: f32 = 1e-3;
+/// `[m/s]` a lead that wants to go no faster hesitates; `[rad/s]` one that does not want to turn faster either crawls.
 const SLOW_M_S: f32 = 0.15;
+const SLOW_RAD_S: f32 = 0.2;
 /// `[m/s]` and `[m]` speed and longest way of an advance.
 const ADVANCE_M_S: f32 = 0.5;
 const ADVANCE_M: f64 = 1.0;
@@ -42,17 +51,21 @@ const REST: u32 = 3;
 /// Towards the goal, or straight on where there is no room to turn to it.
 const ADVANCE: u32 = 4;
 const STRAIGHT: u32 = 5;
+/// Along the legs of a way out.
+const MANEUVER: u32 = 6;
 
 /// What held the last wish back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum HeldBack {
-    /// Nothing: who stands, stands by its own wish.
+    /// Nothing: who hardly moves, does so by its own wish.
     Nothing = 0,
     /// Something that was seen.
     Seen = 1,
     /// A cell that nobody saw: waiting shows no more of it.
     Unseen = 2,
+    /// Itself: it wants to stand.
+    Itself = 3,
 }
 
 /// What the filter is asked for instead of the wish.
@@ -75,9 +88,14 @@ pub(crate) struct Moment<'a> {
     pub(crate) now_ns: u64,
     /// Pose in `odom`.
     pub(crate) pose: &'a Pose2,
-    /// `[m]` the local goal in `odom`.
+    /// `[m]` the local goal in `odom`, and the way left to the last one.
     pub(crate) goal_m: (f64, f64),
+    pub(crate) left_m: f32,
     pub(crate) gaps: Gaps<'a>,
+    /// Frame of the safety map in `odom`.
+    pub(crate) frame: Pose2,
+    /// Cells nobody saw.
+    pub(crate) unknown: &'a Rows,
     pub(crate) config: &'a Config,
 }
 
@@ -118,14 +136,22 @@ pub(crate) struct Recovery {
     led_on: u32,
     /// `[ns]` graph time since which the lead hardly wants to move although nothing holds it back; 0 = it wants to.
     slow_ns: u64,
+    /// `[ns]` the same of a lead that hardly wants to turn either, and does not want to stand.
+    crawls_ns: u64,
     /// Pose in `odom` from which it was led on last.
     gap: Pose2,
+    /// Way out that is driven.
+    maneuver: Maneuver,
+    /// Pose in `odom` from about which ways out are counted.
+    out_from: Pose2,
+    maneuvers: u32,
+    _pad: u32,
 }
 
 impl Recovery {
     /// Begins afresh, as when somebody else drove or the robot stood for a reason.
     pub(crate) fn rest(&mut self, now_ns: u64, pose: &Pose2) {
-        let keep = (self.tried, self.trouble, self.led_on, self.gap);
+        let keep = (self.tried, self.trouble, self.led_on, self.gap, self.maneuvers, self.out_from);
         *self = Self {
             anchor: *pose,
             anchor_ns: now_ns,
@@ -134,7 +160,7 @@ impl Recovery {
             still_ns: now_ns,
             ..Self::zeroed()
         };
-        (self.tried, self.trouble, self.led_on, self.gap) = keep;
+        (self.tried, self.trouble, self.led_on, self.gap, self.maneuvers, self.out_from) = keep;
     }
 
     /// An operator's word: tries everything again.
@@ -142,25 +168,38 @@ impl Recovery {
         self.phase = FOLLOW;
         self.tried = 0;
         self.led_on = 0;
+        self.maneuvers = 0;
         self.slow_ns = 0;
+        self.crawls_ns = 0;
         self.still_ns = 0;
         self.anchor_ns = 0;
     }
 
+    /// Ways out that were begun about here, and whether one is driven.
+    #[cfg(test)]
+    pub(crate) fn ways_out(&self) -> (u32, bool) {
+        (self.maneuvers, self.phase == MANEUVER)
+    }
+
     /// Hears what the lead wished, and what held it back.
     pub(crate) fn heard(&mut self, now_ns: u64, wish: Twist, by: HeldBack) {
-        self.held_back = by as u32;
-        if by != HeldBack::Nothing || wish.v_m_s.abs() > SLOW_M_S {
-            self.slow_ns = 0;
-        } else if self.slow_ns == 0 {
-            self.slow_ns = now_ns;
+        let rests = wish.v_m_s.abs() < AT_REST && wish.w_rad_s.abs() < AT_REST;
+        self.held_back = if rests && by == HeldBack::Nothing { HeldBack::Itself } else { by } as u32;
+        let is_slow = by == HeldBack::Nothing && wish.v_m_s.abs() <= SLOW_M_S;
+        let crawls = is_slow && !rests && wish.w_rad_s.abs() <= SLOW_RAD_S;
+        for (since_ns, is) in [(&mut self.slow_ns, is_slow), (&mut self.crawls_ns, crawls)] {
+            *since_ns = match *since_ns {
+                _ if !is => 0,
+                0 => now_ns,
+                since_ns => since_ns,
+            };
         }
     }
 
     /// What to do now, given that there is a goal to drive to.
-    pub(crate) fn action(&mut self, moment: &Moment<'_>) -> Action {
+    pub(crate) fn action(&mut self, moment: &Moment<'_>, planner: &mut Planner) -> Action {
         let Moment { now_ns, pose, config, .. } = *moment;
-        if self.phase == FOLLOW && pose.distance_m(&self.trouble) > AWAY_M + f64::from(config.back_up_m) {
+        if self.phase == FOLLOW && is_away(pose, &self.trouble, config) {
             self.tried = 0;
         }
         self.note_progress(now_ns, pose, config);
@@ -186,7 +225,8 @@ impl Recovery {
                 let way_m = pose.distance_m(&self.place);
                 let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if stuck || way_m >= f64::from(config.back_up_m) {
-                    self.tried |= 1 << BACK_UP;
+                    // From another place a way out may be driven.
+                    self.tried = (self.tried | 1 << BACK_UP) & !(1 << MANEUVER);
                     // No room behind: look round instead.
                     self.begin(if way_m > MOVED_M { FOLLOW } else { SCAN }, now_ns, pose);
                 }
@@ -208,8 +248,15 @@ impl Recovery {
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
+            MANEUVER => {
+                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MANEUVER_NS;
+                self.tried |= u32::from(stuck) << MANEUVER;
+                if stuck || self.maneuver.is_over(pose) {
+                    self.begin(FOLLOW, now_ns, pose);
+                }
+            }
             REST => {}
-            _ => self.follow(moment),
+            _ => self.follow(moment, planner),
         }
         self.asked(moment)
     }
@@ -217,7 +264,7 @@ impl Recovery {
     /// Whether the lead hesitates before a gap that the footprint fits through, and no advance got stuck here or led back here
     /// again and again.
     fn hesitates(&self, moment: &Moment<'_>) -> bool {
-        let Moment { now_ns, pose, goal_m, gaps, config } = moment;
+        let Moment { now_ns, pose, goal_m, gaps, config, .. } = moment;
         let is_slow = self.slow_ns != 0 && now_ns.saturating_sub(self.slow_ns) >= span_ns(config.hesitate_s);
         let in_vain = self.led_on >= LED_ON_MOST && self.is_at_gap(pose);
         let may = is_slow && !in_vain && self.tried & 1 << ADVANCE == 0;
@@ -229,11 +276,15 @@ impl Recovery {
     }
 
     /// Leads on through a gap, or begins what was not tried here yet where the robot stands for too long or comes nowhere.
-    fn follow(&mut self, moment: &Moment<'_>) {
+    fn follow(&mut self, moment: &Moment<'_>, planner: &mut Planner) {
         let Moment { now_ns, pose, goal_m, config, .. } = *moment;
-        let is_unseen = self.held_back == HeldBack::Unseen as u32;
-        let is_free = self.held_back == HeldBack::Nothing as u32;
-        let patience_s = if is_unseen { config.unseen_s } else { config.boxed_in_s };
+        let is = |by: HeldBack| self.held_back == by as u32;
+        let (rests, is_free) = (is(HeldBack::Itself), is(HeldBack::Nothing) || is(HeldBack::Itself));
+        // More time shows nothing to who does not know the floor, or why he crawls.
+        let unseen_ns = span_ns(config.unseen_s);
+        let crawls = self.crawls_ns != 0 && now_ns.saturating_sub(self.crawls_ns) >= unseen_ns;
+        let is_soon = is(HeldBack::Unseen) || crawls;
+        let patience_s = if is_soon { config.unseen_s } else { config.boxed_in_s };
         let stands = now_ns.saturating_sub(self.still_ns) >= span_ns(patience_s);
         let lost = now_ns.saturating_sub(self.anchor_ns) >= span_ns(config.no_progress_s);
         let hesitates = !stands && !lost && self.hesitates(moment);
@@ -245,16 +296,41 @@ impl Recovery {
         self.side = if self.goal_from(pose).1 < 0.0 { -1.0 } else { 1.0 };
         // Who hesitates goes on; who is held back sees more from farther off.
         let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
-        let phase = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
+        let next = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
         if hesitates {
             // No trouble yet: what was tried stays tried where it was.
             (self.gap, self.led_on) =
                 if self.is_at_gap(pose) { (self.gap, self.led_on + 1) } else { (*pose, 1) };
-        } else {
-            self.tried |= u32::from(phase == ADVANCE) << ADVANCE;
-            self.trouble = *pose;
+            return self.begin(next, now_ns, pose);
         }
+        let way_out = if rests { None } else { self.way_out(moment, planner) };
+        let phase = if let Some(maneuver) = way_out {
+            self.maneuver = maneuver;
+            (self.out_from, self.maneuvers) =
+                if self.maneuvers == 0 { (*pose, 1) } else { (self.out_from, self.maneuvers + 1) };
+            MANEUVER
+        } else {
+            self.tried |= u32::from(next == ADVANCE) << ADVANCE;
+            next
+        };
+        self.trouble = *pose;
         self.begin(phase, now_ns, pose);
+    }
+
+    /// A way out from here, if there may be another one.
+    fn way_out(&mut self, moment: &Moment<'_>, planner: &mut Planner) -> Option<Maneuver> {
+        let Moment { pose, goal_m, left_m, frame, gaps, unknown, config, .. } = moment;
+        if is_away(pose, &self.out_from, config) {
+            self.maneuvers = 0;
+        }
+        if self.maneuvers >= MANEUVERS_MOST || self.tried & 1 << MANEUVER != 0 {
+            return None;
+        }
+        let mut blocked = *gaps.blocked;
+        gaps.outline.exempt(&gaps.at, unknown, &mut blocked);
+        let (x_m, y_m) = frame.inverse_transform(goal_m.0, goal_m.1);
+        let goal_m = [x_m as f32, y_m as f32];
+        planner.find(&Scene { frame, at: &gaps.at, blocked: &blocked, unknown, goal_m, left_m: *left_m })
     }
 
     /// `[m]` the goal of the trouble, seen from a pose.
@@ -289,7 +365,7 @@ impl Recovery {
         let boxed_in = self.cause == Reason::BoxedIn as u32;
         if self.phase == REST && (boxed_in && free || may_retry && waited) {
             self.begin(FOLLOW, now_ns, pose);
-            self.tried = 0;
+            (self.tried, self.maneuvers) = (0, 0);
         }
     }
 
@@ -305,6 +381,7 @@ impl Recovery {
         self.still = *pose;
         self.still_ns = now_ns;
         self.slow_ns = 0;
+        self.crawls_ns = 0;
     }
 
     fn asked(&self, moment: &Moment<'_>) -> Action {
@@ -313,6 +390,10 @@ impl Recovery {
             SCAN => Action::Scan(Twist::new(0.0, self.side * config.escape_turn_rad_s)),
             BACK_UP => Action::BackUp(Twist::new(-config.back_up_m_s, 0.0)),
             STRAIGHT => Action::Advance(Twist::new(ADVANCE_M_S, 0.0)),
+            MANEUVER => match self.maneuver.wish(moment.pose, config) {
+                back if back.v_m_s < 0.0 => Action::BackUp(back),
+                on => Action::Advance(on),
+            },
             ADVANCE => {
                 let Aim { x_m, y_m, .. } = moment.gaps.aim(self.goal_from(moment.pose));
                 let bearing_rad = libm::atan2f(y_m, x_m);
@@ -326,4 +407,9 @@ impl Recovery {
             _ => Action::Follow,
         }
     }
+}
+
+/// Whether a pose is farther from a trouble than a back-up leads.
+fn is_away(pose: &Pose2, trouble: &Pose2, config: &Config) -> bool {
+    pose.distance_m(trouble) > AWAY_M + f64::from(config.back_up_m)
 }

@@ -72,6 +72,8 @@ pub struct Group {
     pub distance_m: f64,
     /// `[m/s]` mean speed of the courses reached, standing included.
     pub speed_m_s: f64,
+    /// `[m/s]` the same of the courses that this lead reached with the arbiter and without, as far as it drove both ways.
+    pub shared_speed_m_s: f64,
     /// `[s]` mean time of standing, all courses.
     pub standing_s: f64,
     /// Mean number of stops on the way, all courses.
@@ -154,10 +156,17 @@ pub fn drive_courses(
 ) -> Result<Suite, NavigateError> {
     let mut groups = Vec::new();
     for lead in &options.leads {
+        let mut ways = Vec::new();
         for arbitrated in &options.arbitrated {
             let conditions = Conditions { lead: *lead, arbitrated: *arbitrated, sight: options.sight };
-            groups.push(group(options, conditions, courses, progress)?);
+            ways.push((conditions, drive_all(options, conditions, courses, progress)?));
         }
+        let reached = |number: usize| ways.iter().all(|(_, driven)| driven[number].ending == Ending::Reached);
+        let shared: Vec<bool> = (0..courses.len()).map(reached).collect();
+        let summary = |(conditions, driven): &(Conditions, Vec<Driven>)| {
+            summarise(*conditions, courses, driven, &shared)
+        };
+        groups.extend(ways.iter().map(summary));
     }
     if groups.is_empty() || courses.is_empty() {
         let found = format!("{} courses, {} conditions", courses.len(), groups.len());
@@ -177,28 +186,28 @@ pub fn drive_courses(
     })
 }
 
-fn group(
+fn drive_all(
     options: &SuiteOptions<'_>,
     conditions: Conditions,
     courses: &[Course],
     progress: &mut (dyn FnMut(&str) + Send),
-) -> Result<Group, NavigateError> {
+) -> Result<Vec<Driven>, NavigateError> {
     let mut done = |finished: usize| {
         if finished.is_multiple_of(PROGRESS) || finished == courses.len() {
             progress(&format!("{}: {finished} of {} courses", conditions.label(), courses.len()));
         }
     };
-    let driven = in_order(
+    in_order(
         courses.len(),
         options.threads,
         || Pilot::new(options.robot, options.model, options.model_name),
         |pilot, number| pilot.drive(&courses[number], conditions, options.limit_s),
         &mut done,
-    )?;
-    Ok(summarise(conditions, courses, &driven))
+    )
 }
 
-fn summarise(conditions: Conditions, courses: &[Course], driven: &[Driven]) -> Group {
+/// What came of the courses; `shared` says which of them the lead reached both ways.
+fn summarise(conditions: Conditions, courses: &[Course], driven: &[Driven], shared: &[bool]) -> Group {
     let both = || courses.iter().zip(driven);
     let share = |ending: Ending, grade: Option<&str>| {
         let of = both().filter(|(course, _)| grade.is_none_or(|grade| course.grade == grade));
@@ -219,10 +228,14 @@ fn summarise(conditions: Conditions, courses: &[Course], driven: &[Driven]) -> G
     };
     let mean =
         |number: &dyn Fn(&Driven) -> f64| driven.iter().map(number).sum::<f64>() / driven.len().max(1) as f64;
-    let reached: Vec<&Driven> = driven.iter().filter(|drive| drive.ending == Ending::Reached).collect();
-    let sum = |number: &dyn Fn(&Driven) -> f64| reached.iter().map(|drive| number(drive)).sum::<f64>();
-    let (time_s, distance_m) = (sum(&|drive| drive.time_s), sum(&|drive| drive.distance_m));
-    let arrivals = reached.len().max(1) as f64;
+    let way = |counts: &dyn Fn(usize, &Driven) -> bool| {
+        let counted = driven.iter().enumerate().filter(|(number, drive)| counts(*number, drive));
+        counted
+            .fold((0.0, 0.0), |(time_s, way_m), (_, drive)| (time_s + drive.time_s, way_m + drive.distance_m))
+    };
+    let (time_s, distance_m) = way(&|_, drive| drive.ending == Ending::Reached);
+    let (shared_time_s, shared_m) = way(&|number, _| shared[number]);
+    let arrivals = driven.iter().filter(|drive| drive.ending == Ending::Reached).count().max(1) as f64;
     let judged: u64 = driven.iter().map(|drive| drive.judged).sum();
     Group {
         lead: conditions.lead,
@@ -233,6 +246,7 @@ fn summarise(conditions: Conditions, courses: &[Course], driven: &[Driven]) -> G
         time_s: time_s / arrivals,
         distance_m: distance_m / arrivals,
         speed_m_s: distance_m / time_s.max(1e-9),
+        shared_speed_m_s: shared_m / shared_time_s.max(1e-9),
         standing_s: mean(&|drive| drive.standing_s),
         stops: mean(&|drive| f64::from(drive.stops)),
         clearance_m: mean(&|drive| drive.min_clearance_m),

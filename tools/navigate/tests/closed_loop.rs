@@ -83,6 +83,20 @@ fn numbers_do_not_depend_on_the_number_of_threads() {
     assert_eq!(drive(1), drive(3));
 }
 
+/// Of an easy course and one that without the arbiter ends at a wall, the easy one alone is compared.
+#[test]
+fn speeds_are_compared_where_both_ways_reached() {
+    let robot = loomo();
+    let options = SuiteOptions { leads: vec![Lead::Solved], limit_s: 15.0, ..options(&robot) };
+    let courses = [course(&[]), course(&[Solid::wall([4.0, -2.0], [4.0, 2.0], 0.1, 2.0)])];
+    let groups = drive_courses(&options, "two", &courses, &mut |_| ()).unwrap().groups;
+    let easy = alone(&options, &courses[0]).groups;
+    for (group, easy) in groups.iter().zip(&easy) {
+        assert_eq!((group.reached.count, group.shared_speed_m_s), (1, easy.speed_m_s));
+        assert_eq!(easy.shared_speed_m_s, easy.speed_m_s);
+    }
+}
+
 /// A path that ends behind a wall: nobody gets there, and the report and the JSON say which seed it was.
 #[test]
 fn a_failure_is_listed_with_its_seed() {

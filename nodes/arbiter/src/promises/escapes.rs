@@ -274,7 +274,8 @@ fn advances(stage: &mut Stage, ticks: usize) -> Option<usize> {
     (0..ticks).find(|_| stage.tick().reason == Reason::Advance as u32)
 }
 
-/// A lead that crawls before a door, or stands, is led through its middle at once; in the open it is left alone for 3 s.
+/// A lead that crawls before a door, or stands, is led through its middle at once; in the open it is left alone for a second
+/// where it crawls, for 3 where it stands.
 #[test]
 fn who_hesitates_before_a_gap_is_led_through_its_middle() {
     for crawl_m_s in [0.1, 0.0] {
@@ -289,7 +290,9 @@ fn who_hesitates_before_a_gap_is_led_through_its_middle() {
         assert!(passes && (stage.pose.y_m - 0.1).abs() < 0.03, "{:?}", stage.pose);
         let mut open = Stage::new(&CONFIG, &[]);
         open.wish = Twist::new(0.3 * crawl_m_s, 0.0);
-        assert_eq!(advances(&mut open, 280), None);
+        let patience = if crawl_m_s > 0.0 { 90..150 } else { 290..330 };
+        let begins = advances(&mut open, 400).unwrap();
+        assert!(patience.contains(&begins), "{begins} ticks");
     }
 }
 

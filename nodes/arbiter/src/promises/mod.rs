@@ -10,3 +10,4 @@ mod pauses;
 mod properties;
 mod reasons;
 mod trust;
+mod ways_out;

@@ -1,0 +1,149 @@
+//! Ways out: what stands is led on, or to where it sees.
+
+use crate::Config;
+use crate::fixture::{Solid, Stage};
+use sidestep_msgs::{Estop, EstopAction, LocalGoal, Pose2, Reason, Status, Twist};
+
+const CONFIG: Config = Config::STANDARD;
+/// A slot that is closed ahead and open behind, too narrow to turn in.
+const SLOT: [Solid; 3] = [[0.25, -0.6, 0.5, 0.6], [-0.3, 0.4, 0.5, 0.6], [-0.3, -0.6, 0.5, -0.4]];
+
+/// One tick with the goal at a point of the world.
+fn tick_towards(stage: &mut Stage, goal_m: [f64; 2]) -> u32 {
+    stage.mute.goal = true;
+    let (x_m, y_m) = stage.pose.inverse_transform(goal_m[0], goal_m[1]);
+    let goal = LocalGoal {
+        capture_ns: stage.now_ns,
+        x_m: x_m as f32,
+        y_m: y_m as f32,
+        remaining_m: f32::NAN,
+        ..LocalGoal::default()
+    };
+    stage.arbiter.local_goal(&goal, &stage.header(stage.goal_status));
+    stage.tick().reason
+}
+
+/// A lead that drives into the end of a slot, and turns to its goal only outside: it gets there, without a touch.
+#[test]
+fn out_of_a_slot_it_backs_and_turns_towards_the_goal() {
+    for side in [1.0, -1.0] {
+        let mut stage = Stage::new(&CONFIG, &SLOT);
+        stage.wish = Twist::new(0.5, 0.0);
+        let is_out = (0..2500).any(|_| {
+            let (x_m, y_m) = stage.pose.inverse_transform(-1.0, 2.0 * side);
+            let bearing_rad = libm::atan2(y_m, x_m) as f32;
+            let turns = stage.pose.x_m < -0.5 && bearing_rad.abs() > 0.1;
+            stage.wish =
+                if turns { Twist::new(0.0, bearing_rad.clamp(-1.0, 1.0)) } else { Twist::new(0.5, 0.0) };
+            tick_towards(&mut stage, [-1.0, 2.0 * side]);
+            assert!(stage.gap_m() > 0.0, "{:?}", stage.pose);
+            stage.pose.y_m * side > 1.0
+        });
+        assert!(is_out, "{side}: {:?} {:?}", stage.pose, stage.command);
+    }
+}
+
+/// Before a band of floor that nobody saw, without an inch seen beyond: it goes to where the camera sees the band, and looks.
+#[test]
+fn it_goes_to_where_it_sees_the_floor_that_it_does_not_know() {
+    let mut stage = Stage::new(&CONFIG, &[]);
+    stage.unseen = vec![[-3.0, 0.45, 3.0, 3.0]];
+    stage.pose.yaw_rad = 1.5;
+    stage.wish = Twist::new(0.5, 0.0);
+    let blind_m = f64::from(stage.robot.blind_m());
+    let looks = (0..3000).any(|_| {
+        tick_towards(&mut stage, [0.0, 2.0]);
+        let (x_m, y_m) = stage.pose.inverse_transform(0.0, 0.475);
+        libm::hypot(x_m, y_m) > blind_m && libm::atan2(y_m, x_m).abs() < 0.4
+    });
+    assert!(looks, "{:?} {:?}", stage.pose, stage.command);
+}
+
+/// On a way out of the slot, backward.
+fn on_the_way() -> Stage {
+    let mut stage = Stage::new(&CONFIG, &SLOT);
+    stage.wish = Twist::new(0.5, 0.0);
+    let drives_out = |stage: &mut Stage| {
+        tick_towards(stage, [-1.0, 2.0]);
+        is_led_out(stage) && stage.twist.v_m_s < -0.1
+    };
+    assert!((0..1000).any(|_| drives_out(&mut stage)));
+    stage
+}
+
+fn is_led_out(stage: &Stage) -> bool {
+    stage.arbiter.memory.recovery.ways_out().1
+}
+
+/// Told to stop on a way out, it stops, and goes on nowhere.
+#[test]
+fn no_way_out_is_driven_against_a_word_to_stop() {
+    for status in [Status::Arrived, Status::Hold, Status::NoGoal, Status::Lost] {
+        let mut stage = on_the_way();
+        stage.goal_status = status;
+        (0..4).for_each(|_| _ = tick_towards(&mut stage, [-1.0, 2.0]));
+        for _ in 0..200 {
+            tick_towards(&mut stage, [-1.0, 2.0]);
+            assert!(!is_led_out(&stage), "{status:?}");
+        }
+        assert!(stage.twist.v_m_s.abs() < 0.01, "{status:?}");
+    }
+    let mut stage = on_the_way();
+    stage.arbiter.estop(&Estop { token: 5, action: EstopAction::Stop as u32, _pad: 0 });
+    let latched = Reason::EstopLatched as u32;
+    assert!((0..200).all(|_| tick_towards(&mut stage, [-1.0, 2.0]) == latched));
+    assert!(stage.twist.v_m_s.abs() < 0.01);
+}
+
+/// Carried back into the slot again and again: six ways out, then the rest that asks.
+#[test]
+fn who_is_put_back_is_not_led_out_for_ever() {
+    let mut stage = Stage::new(&CONFIG, &SLOT);
+    stage.wish = Twist::new(0.5, 0.0);
+    let asks = [Reason::BoxedIn as u32, Reason::NoProgress as u32];
+    let (mut most, mut asked) = (0, false);
+    for _ in 0..20_000 {
+        if stage.pose.x_m < -0.2 {
+            (stage.pose, stage.twist) = (Pose2::ORIGIN, Twist::STOP);
+        }
+        asked = asks.contains(&tick_towards(&mut stage, [-1.0, 2.0]));
+        if asked {
+            break;
+        }
+        most = stage.arbiter.memory.recovery.ways_out().0.max(most);
+    }
+    assert!(asked && (2..=6).contains(&most), "{asked} {most}");
+}
+
+/// Something stands in the way for 2 s and leaves: the lead, which drives on at once, is not led anywhere.
+#[test]
+fn who_waited_for_something_to_pass_is_left_alone() {
+    let mut stage = Stage::new(&CONFIG, &[[0.4, -3.0, 0.6, 3.0]]);
+    stage.wish = Twist::new(0.5, 0.0);
+    for _ in 0..200 {
+        tick_towards(&mut stage, [3.0, 0.0]);
+        assert!(!is_led_out(&stage));
+    }
+    stage.solids.clear();
+    for _ in 0..200 {
+        tick_towards(&mut stage, [6.0, 0.0]);
+        assert!(!is_led_out(&stage));
+    }
+    assert!(stage.pose.x_m > 0.4, "{:?}", stage.pose);
+}
+
+/// The same steps from a state taken on a way out as without.
+#[test]
+fn a_way_out_goes_on_from_a_state() {
+    let mut stage = on_the_way();
+    let mut bytes = vec![0; sidestep_msgs::ARBITER_STATE_BYTES];
+    let size = stage.arbiter.state(&mut bytes);
+    let mut other = stage.clone();
+    other.arbiter = crate::Arbiter::new(&CONFIG, &stage.robot, 0).unwrap();
+    assert!(size > 0 && other.arbiter.restore(&bytes[..size]));
+    for _ in 0..300 {
+        let reasons = [&mut stage, &mut other].map(|stage| tick_towards(stage, [-1.0, 2.0]));
+        assert_eq!(reasons[0], reasons[1]);
+        assert_eq!((stage.pose, stage.command), (other.pose, other.command));
+    }
+}

@@ -1,0 +1,203 @@
+//! Places and headings as bits, and in which of them a footprint stands free.
+//!
+//! Places are the middles of the safety map's cells within 1.6 m of the robot. A word is a row of them, so that a shift, or a
+//! copy, moves 64 places at once.
+
+use crate::clearance::{Heading, Outline, Rows};
+use sidestep_msgs::SAFETY_SIDE;
+
+/// Headings in which straights lead, and with those between them, which a turn passes.
+pub(crate) const HEADINGS: usize = 16;
+pub(crate) const PASSED: usize = 2 * HEADINGS;
+/// Cells from place to place along each heading.
+pub(crate) const STEPS: [[i32; 2]; HEADINGS] = [
+    [3, 0],
+    [3, 1],
+    [2, 2],
+    [1, 3],
+    [0, 3],
+    [-1, 3],
+    [-2, 2],
+    [-3, 1],
+    [-3, 0],
+    [-3, -1],
+    [-2, -2],
+    [-1, -3],
+    [0, -3],
+    [1, -3],
+    [2, -2],
+    [3, -1],
+];
+/// Rows, and places in a row.
+pub(crate) const SIDE: usize = 64;
+/// First row and bit of the safety map.
+const FIRST: usize = (SAFETY_SIDE - SIDE) / 2;
+pub(crate) const CELL_M: f32 = 0.05;
+const HALF_MAP: f32 = 40.0;
+
+/// A bit for each place.
+pub(crate) type Window = [u64; SIDE];
+/// The same in each heading.
+pub(crate) type Layer = [Window; HEADINGS];
+
+/// A heading, a row and a bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub(crate) heading: usize,
+    pub(crate) row: usize,
+    pub(crate) bit: usize,
+}
+
+/// The window of a map's rows.
+pub(crate) fn window(rows: &Rows) -> Window {
+    std::array::from_fn(|row| (rows[row + FIRST] >> FIRST) as u64)
+}
+
+/// `[m]` the middle of a row, or of a bit, in the frame of the safety map.
+pub(crate) fn middle_m(index: usize) -> f32 {
+    ((index + FIRST) as f32 + 0.5 - HALF_MAP) * CELL_M
+}
+
+/// The row, or bit, that holds a coordinate; `None` outside the window.
+pub(crate) fn index(m: f32) -> Option<usize> {
+    let index = libm::floorf(m / CELL_M + HALF_MAP) - FIRST as f32;
+    (0.0..SIDE as f32).contains(&index).then_some(index as usize)
+}
+
+/// The direction of a heading, as a vector of length 1.
+pub(crate) fn direction(heading: usize) -> [f32; 2] {
+    let [x, y] = STEPS[heading % HEADINGS].map(|step| step as f32);
+    unit(x, y)
+}
+
+fn unit(x: f32, y: f32) -> [f32; 2] {
+    let length = libm::hypotf(x, y).max(1e-6);
+    [x / length, y / length]
+}
+
+/// A window moved by rows and bits; zeros come in.
+pub(crate) fn moved(window: &Window, rows_on: i32, bits_on: i32) -> Window {
+    let mut out = [0; SIDE];
+    let by = (rows_on.unsigned_abs() as usize).min(SIDE);
+    let (to, from) = if rows_on >= 0 {
+        (&mut out[by..], &window[..SIDE - by])
+    } else {
+        (&mut out[..SIDE - by], &window[by..])
+    };
+    let bits = bits_on.unsigned_abs();
+    // One loop for each side, so that several words are shifted at once; out of the window there is nothing.
+    match bits_on {
+        _ if bits >= u64::BITS => {}
+        0.. => to.iter_mut().zip(from).for_each(|(to, from)| *to = from << bits),
+        _ => to.iter_mut().zip(from).for_each(|(to, from)| *to = from >> bits),
+    }
+    out
+}
+
+pub(crate) fn join(into: &mut Window, other: &Window) {
+    into.iter_mut().zip(other).for_each(|(into, other)| *into |= other);
+}
+
+/// The cells under a footprint: rows from its place on, the first and last bit of each from it on. None: it is too large.
+type Stencil = Vec<(i32, i32, i32)>;
+
+/// The cells under the widened footprint, for each heading and those between.
+#[derive(Debug, Clone)]
+pub(crate) struct Stencils {
+    passed: Vec<Stencil>,
+}
+
+/// Where a way begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Beginning {
+    pub(crate) heading: usize,
+    /// How far off the robot it is; 0 where it stands.
+    pub(crate) off: usize,
+    /// Words of the rows from `row` on.
+    pub(crate) words: [u64; 2 * RINGS + 1],
+    pub(crate) row: usize,
+}
+
+/// Rings of places round the robot from which a way may begin.
+const RINGS: usize = 2;
+/// Headings by how near they are to the robot's, and rings, in the order in which they are tried.
+const TRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (1, 2)];
+
+impl Stencils {
+    pub(crate) fn new(outline: &Outline, margin_m: f32) -> Self {
+        let all: Rows = [u128::MAX; SAFETY_SIDE];
+        let half = (SAFETY_SIDE / 2) as i32;
+        let stencil = |passed: usize| {
+            let ([ax, ay], [bx, by]) = (direction(passed / 2), direction(passed.div_ceil(2)));
+            let [cos, sin] = unit(ax + bx, ay + by);
+            let at = Heading { x_m: 0.5 * CELL_M, y_m: 0.5 * CELL_M, cos, sin };
+            let rows = outline.overlapped(&at, margin_m, &all);
+            let covered = rows.iter().enumerate().filter(|(_, bits)| **bits != 0);
+            let run = |(row, bits): (usize, &u128)| {
+                let (low, high) = (bits.trailing_zeros() as i32, 127 - bits.leading_zeros() as i32);
+                (row as i32 - half, low - half, high - half)
+            };
+            covered.map(run).collect()
+        };
+        Self { passed: (0..PASSED).map(stencil).collect() }
+    }
+
+    /// Places where the footprint stands free, and inside the window, in heading number `passed`.
+    pub(crate) fn free(&self, passed: usize, blocked: &Window) -> Window {
+        let stencil = &self.passed[passed];
+        if stencil.is_empty() {
+            return [0; SIDE];
+        }
+        let (mut taken, mut inside) = ([0; SIDE], [u64::MAX; SIDE]);
+        // Rows next to each other are often as long.
+        let (mut length, mut any) = (1, *blocked);
+        for (rows_on, low, high) in stencil {
+            if high - low + 1 != length {
+                length = high - low + 1;
+                any = runs(blocked, length);
+            }
+            join(&mut taken, &moved(&any, -rows_on, -low));
+            let ends = [*low, *high].map(|bits_on| moved(&[u64::MAX; SIDE], -rows_on, -bits_on));
+            (0..SIDE).for_each(|row| inside[row] &= ends[0][row] & ends[1][row]);
+        }
+        std::array::from_fn(|row| inside[row] & !taken[row])
+    }
+
+    /// Of the two headings nearest to the robot's, and of the places round it, those of the first ring that has free ones.
+    pub(crate) fn beginning(&self, blocked: &Window, at: &Heading) -> Option<Beginning> {
+        let (row, bit) = (index(at.x_m)?, index(at.y_m)?);
+        let along = |heading: &usize| {
+            let [x, y] = direction(*heading);
+            x * at.cos + y * at.sin
+        };
+        let nearest = |but: usize| {
+            let others = (0..HEADINGS).filter(|heading| *heading != but);
+            others.max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or(0)
+        };
+        let first = nearest(HEADINGS);
+        let headings = [first, nearest(first)];
+        let free = headings.map(|heading| self.free(2 * heading, blocked));
+        let near = |index: usize, ring: usize| index.saturating_sub(ring)..=(index + ring).min(SIDE - 1);
+        TRIES.iter().enumerate().find_map(|(off, (heading, ring))| {
+            let bits = near(bit, *ring).fold(0, |bits, bit| bits | 1_u64 << bit);
+            let first = row.saturating_sub(RINGS);
+            let words = std::array::from_fn(|index| {
+                let here = near(row, *ring).contains(&(first + index));
+                if here { bits & free[*heading][first + index] } else { 0 }
+            });
+            let begins = Beginning { heading: headings[*heading], off, words, row: first };
+            words.iter().any(|word| *word != 0).then_some(begins)
+        })
+    }
+}
+
+/// Bits from which on one of `length` bits is set.
+fn runs(window: &Window, length: i32) -> Window {
+    let (mut any, mut done) = (*window, 1);
+    while done < length {
+        let next = done.min(length - done);
+        any.iter_mut().for_each(|word| *word |= *word >> next);
+        done += next;
+    }
+    any
+}
