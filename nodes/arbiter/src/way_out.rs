@@ -342,7 +342,7 @@ mod tests {
         let legs = found(&slot, &none, &Pose2::ORIGIN, [-0.8, 1.5]).unwrap();
         let end = end(&legs);
         assert!(legs[1].end.x_m < -0.4 && end.y_m > 0.3, "{legs:?}");
-        let closed = rows(|x, y| x < -0.25 || x > 0.25 || y.abs() > 0.34);
+        let closed = rows(|x, y| x.abs() > 0.25 || y.abs() > 0.34);
         assert_eq!(found(&closed, &none, &Pose2::ORIGIN, [-0.8, 1.5]), None);
     }
 
@@ -389,7 +389,7 @@ mod tests {
             let outline = Outline::new(&robot).unwrap();
             let among = |boxes: &[(f32, f32, f32)]| rows(|x, y| {
                 let is_in = |(bx, by, half): &(f32, f32, f32)| (x - bx).abs().max((y - by).abs()) < *half;
-                x.hypot(y) > 0.4 && boxes.iter().any(is_in)
+                libm::hypotf(x, y) > 0.4 && boxes.iter().any(is_in)
             });
             let (stands, unknown) = (among(&boxes[..7]), among(&boxes[7..]));
             let blocked: Rows = std::array::from_fn(|row| stands[row] | unknown[row]);
