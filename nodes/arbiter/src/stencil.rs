@@ -101,10 +101,11 @@ pub(crate) fn join(into: &mut Window, other: &Window) {
 /// The cells under a footprint: rows from its place on, the first and last bit of each from it on. None: it is too large.
 type Stencil = Vec<(i32, i32, i32)>;
 
-/// The cells under the widened footprint, for each heading and those between.
+/// The cells under the widened footprint, for each heading and those between, and the places where all of them lie inside the
+/// window.
 #[derive(Debug, Clone)]
 pub(crate) struct Stencils {
-    passed: Vec<Stencil>,
+    passed: Vec<(Stencil, Window)>,
 }
 
 /// Where a way begins.
@@ -137,18 +138,17 @@ impl Stencils {
                 let (low, high) = (bits.trailing_zeros() as i32, 127 - bits.leading_zeros() as i32);
                 (row as i32 - half, low - half, high - half)
             };
-            covered.map(run).collect()
+            let stencil: Stencil = covered.map(run).collect();
+            let inside = inside(&stencil);
+            (stencil, inside)
         };
         Self { passed: (0..PASSED).map(stencil).collect() }
     }
 
     /// Places where the footprint stands free, and inside the window, in heading number `passed`.
     pub(crate) fn free(&self, passed: usize, blocked: &Window) -> Window {
-        let stencil = &self.passed[passed];
-        if stencil.is_empty() {
-            return [0; SIDE];
-        }
-        let (mut taken, mut inside) = ([0; SIDE], [u64::MAX; SIDE]);
+        let (stencil, inside) = &self.passed[passed];
+        let mut taken = [0; SIDE];
         // Rows next to each other are often as long.
         let (mut length, mut any) = (1, *blocked);
         for (rows_on, low, high) in stencil {
@@ -157,8 +157,6 @@ impl Stencils {
                 any = runs(blocked, length);
             }
             join(&mut taken, &moved(&any, -rows_on, -low));
-            let ends = [*low, *high].map(|bits_on| moved(&[u64::MAX; SIDE], -rows_on, -bits_on));
-            (0..SIDE).for_each(|row| inside[row] &= ends[0][row] & ends[1][row]);
         }
         std::array::from_fn(|row| inside[row] & !taken[row])
     }
@@ -189,6 +187,18 @@ impl Stencils {
             words.iter().any(|word| *word != 0).then_some(begins)
         })
     }
+}
+
+/// Places from which all cells of a stencil lie inside the window; none for one without cells.
+fn inside(stencil: &Stencil) -> Window {
+    let mut inside = [if stencil.is_empty() { 0 } else { u64::MAX }; SIDE];
+    for (rows_on, low, high) in stencil {
+        for bits_on in [*low, *high] {
+            let within = moved(&[u64::MAX; SIDE], -rows_on, -bits_on);
+            inside.iter_mut().zip(within).for_each(|(inside, within)| *inside &= within);
+        }
+    }
+    inside
 }
 
 /// Bits from which on one of `length` bits is set.
