@@ -98,6 +98,7 @@ impl Arbiter {
     fn recover(&mut self, now_ns: u64, pose: &Pose2) -> Action {
         let inputs = &self.memory.inputs;
         let (x_m, y_m) = (f64::from(inputs.goal_x_m), f64::from(inputs.goal_y_m));
+        let frame = safety_frame(&inputs.map_base);
         let moment = Moment {
             now_ns,
             pose,
@@ -106,10 +107,10 @@ impl Arbiter {
             gaps: Gaps {
                 outline: &self.outline,
                 blocked: &self.space.blocked,
-                at: heading(&safety_frame(&inputs.map_base), pose),
+                at: heading(&frame, pose),
                 margin_m: self.tube.full_margin_m(),
             },
-            frame: safety_frame(&inputs.map_base),
+            frame,
             unknown: &self.space.unknown,
             config: &self.config,
         };

@@ -4,7 +4,7 @@
 //! copy, moves 64 places at once.
 
 use crate::clearance::{Heading, Outline, Rows};
-use sidestep_msgs::SAFETY_SIDE;
+use sidestep_msgs::{SAFETY_GRID, SAFETY_SIDE};
 
 /// Headings in which straights lead, and with those between them, which a turn passes.
 pub(crate) const HEADINGS: usize = 16;
@@ -32,8 +32,8 @@ pub(crate) const STEPS: [[i32; 2]; HEADINGS] = [
 pub(crate) const SIDE: usize = 64;
 /// First row and bit of the safety map.
 const FIRST: usize = (SAFETY_SIDE - SIDE) / 2;
-pub(crate) const CELL_M: f32 = 0.05;
-const HALF_MAP: f32 = 40.0;
+pub(crate) const CELL_M: f32 = SAFETY_GRID.cell_m;
+pub(crate) const HALF_MAP: f32 = (SAFETY_SIDE / 2) as f32;
 
 /// A bit for each place.
 pub(crate) type Window = [u64; SIDE];

@@ -5,7 +5,9 @@
 
 use crate::clearance::{Heading, Outline, Rows};
 use crate::maneuver::{Kind, LEGS, Leg, Maneuver};
-use crate::stencil::{CELL_M, HEADINGS, Layer, Place, SIDE, Stencils, direction, index, middle_m, window};
+use crate::stencil::{
+    CELL_M, HALF_MAP, HEADINGS, Layer, Place, SIDE, Stencils, direction, index, middle_m, window,
+};
 use crate::wave::{Eye, Step, Wave};
 use bytemuck::Zeroable;
 use sidestep_msgs::{Pose2, Robot, SAFETY_SIDE};
@@ -113,8 +115,7 @@ impl Planner {
 }
 
 fn has(rows: &Rows, x_m: f32, y_m: f32) -> bool {
-    let half = (SAFETY_SIDE / 2) as f32;
-    let [row, bit] = [x_m, y_m].map(|m| libm::floorf(m / CELL_M + half));
+    let [row, bit] = [x_m, y_m].map(|m| libm::floorf(m / CELL_M + HALF_MAP));
     let is_inside = |cell: f32| (0.0..SAFETY_SIDE as f32).contains(&cell);
     is_inside(row) && is_inside(bit) && rows[row as usize] >> bit as u32 & 1 == 1
 }
@@ -376,7 +377,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 200, max_global_rejects: 200, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig { cases: 2000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
         /// Boxes and unseen patches anywhere but where the robot stands: no pose on any leg touches a cell that is not
         /// free.

@@ -28,43 +28,16 @@ fn policy(bencher: divan::Bencher<'_, '_>) {
     bencher.bench_local(|| policy.infer(divan::black_box(&map), goal, twist));
 }
 
-/// Convolutions, and dense layers behind them, of the size that `sidestep train` makes; only the numbers are made up.
-fn head() -> (Vec<ConvolutionLayer>, Vec<DenseLayer>) {
-    let numbers = |count: usize, scale: f32| -> Vec<f32> {
-        (0..count).map(|index| scale * ((index * 7919 % 1000) as f32 / 500.0 - 1.0)).collect()
+/// Convolutions of the size that `sidestep train` makes; only the numbers are made up.
+fn head() -> Vec<ConvolutionLayer> {
+    let numbers = |count: usize| -> Vec<f32> {
+        (0..count).map(|index| 0.1 * ((index * 7919 % 1000) as f32 / 500.0 - 1.0)).collect()
     };
     let convolution = |inputs: usize, outputs: usize, stride| {
-        let (weight, bias) = (numbers(9 * inputs * outputs, 0.1), numbers(outputs, 0.1));
+        let (weight, bias) = (numbers(9 * inputs * outputs), numbers(outputs));
         ConvolutionLayer { inputs, outputs, stride, weight, bias }
     };
-    let dense = |inputs: usize, outputs: usize| DenseLayer {
-        inputs,
-        outputs,
-        weight: numbers(inputs * outputs, 0.05),
-        bias: numbers(outputs, 0.1),
-    };
-    let convolutions = vec![convolution(CROP_PLANES, 32, 1), convolution(32, 64, 2), convolution(64, 64, 2)];
-    let features = 64 * 4 * 5 + DIRECT_FEATURES;
-    (convolutions, vec![dense(features, 256), dense(256, 128), dense(128, HEAD_OUTPUTS)])
-}
-
-fn with_convolutions() -> Option<Policy> {
-    let robot = robot()?;
-    let mut contract = Policy::load(embedded(), "embedded", &robot).ok()?.contract().clone();
-    let (reward, value) = kernels();
-    let (convolutions, dense) = head();
-    let reward_bias = vec![0.0; reward.len()];
-    let network =
-        Network { lambda: 1.0, rounds: contract.rounds, reward, reward_bias, value, convolutions, dense };
-    contract.golden = record_golden(&to_onnx(&network, &contract), contract.golden).ok()?;
-    Policy::load(&to_onnx(&network, &contract), "made up", &robot).ok()
-}
-
-#[divan::bench(sample_count = 2000)]
-fn policy_with_convolutions(bencher: divan::Bencher<'_, '_>) {
-    let Some(mut policy) = with_convolutions() else { return };
-    let (map, goal, twist) = question();
-    bencher.bench_local(|| policy.infer(divan::black_box(&map), goal, twist));
+    vec![convolution(CROP_PLANES, 32, 1), convolution(32, 64, 2), convolution(64, 64, 2)]
 }
 
 #[divan::bench(sample_count = 100)]
@@ -96,7 +69,7 @@ fn value_iteration(bencher: divan::Bencher<'_, '_>, lanes: Lanes) {
 
 #[divan::bench(args = Lanes::available(), sample_count = 1000)]
 fn convolutions(bencher: divan::Bencher<'_, '_>, lanes: Lanes) {
-    let chain = ConvolutionChain::new(&head().0, [CROP_ROWS, CROP_COLS]);
+    let chain = ConvolutionChain::new(&head(), [CROP_ROWS, CROP_COLS]);
     let (mut scratch, mut out) = (chain.scratch(), vec![0.0; chain.shape().iter().product()]);
     let planes = [vec![0.3; CROP_CELLS], vec![-0.2; CROP_CELLS]];
     bencher.bench_local(|| {
