@@ -6,7 +6,7 @@ use crate::clearance::heading;
 use crate::config::Resume;
 use crate::gap::Gaps;
 use crate::queue::{Pending, SENT_MAX};
-use crate::recovery::{Action, HeldBack, Moment};
+use crate::recovery::{Action, Answer, HeldBack, Moment};
 use crate::search::{Filter, Filtered, Question, Ways};
 use crate::select::Selected;
 use crate::tube::Situation;
@@ -16,6 +16,8 @@ use sidestep_msgs::{NO_CELL, Pose2, Reason, Twist, Winner, safety_frame};
 const FREE_SCALE: f32 = 0.5;
 /// `[m/s]` fastest while cells are held that are not free.
 const HELD_M_S: f32 = 0.1;
+/// `[rad/s]` slower than this is no turn.
+const CRAWL_RAD_S: f32 = 0.1;
 
 impl Arbiter {
     /// Brakes to rest: gently where nothing is wrong and that is safe, else at once.
@@ -74,6 +76,7 @@ impl Arbiter {
         } else {
             self.ask(&situation, &question)
         };
+        self.memory.recovery.answered(now_ns, self.answered(&filtered));
         if action == Action::Follow {
             let by = self.held_back_by(&filtered, selected.reason);
             self.memory.recovery.heard(now_ns, selected.twist, by);
@@ -115,6 +118,17 @@ impl Arbiter {
             config: &self.config,
         };
         self.memory.recovery.action(&moment, &mut self.planner)
+    }
+
+    /// What the filter made of a question.
+    fn answered(&self, filtered: &Filtered) -> Answer {
+        let Twist { v_m_s, w_rad_s } = filtered.motion.twist;
+        let stands = v_m_s.abs() < self.config.crawl_m_s && w_rad_s.abs() < CRAWL_RAD_S;
+        match filtered.reason {
+            Reason::Rotating => Answer::Turns,
+            Reason::Braking | Reason::Slowed | Reason::Emergency if stands => Answer::Refuses,
+            _ => Answer::Moves,
+        }
     }
 
     /// What held a wish back. Proposers that both see no way are held back by what they see.

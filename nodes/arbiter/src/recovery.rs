@@ -17,8 +17,12 @@ const MOVE_NS: u64 = 10_000_000_000;
 const MANEUVER_NS: u64 = 20_000_000_000;
 /// Ways out from about the same place.
 const MANEUVERS_MOST: u32 = 6;
-/// `[ns]` a recovery that moves nothing for this long is over.
+/// `[ns]` a recovery that moves nothing for this long is over, or one that the filter refuses for this long.
 const BLOCKED_NS: u64 = 1_500_000_000;
+const REFUSED_NS: u64 = 200_000_000;
+/// `[ns]` a wish of which the filter makes a turn on the spot for this long needs a way out, and time between two looks for one.
+const TURNED_NS: u64 = 300_000_000;
+const LOOK_NS: u64 = 250_000_000;
 /// `[rad]` a turn by this much is progress as well, for three times the span allowed without any.
 const PROGRESS_RAD: f64 = 0.6;
 /// `[m]` and `[rad]` what counts as having moved at all.
@@ -66,6 +70,17 @@ pub(crate) enum HeldBack {
     Unseen = 2,
     /// Itself: it wants to stand.
     Itself = 3,
+}
+
+/// What the filter made of what it was asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Answer {
+    /// A motion along it.
+    Moves,
+    /// A turn on the spot instead.
+    Turns,
+    /// Nothing to speak of.
+    Refuses,
 }
 
 /// What the filter is asked for instead of the wish.
@@ -140,6 +155,12 @@ pub(crate) struct Recovery {
     crawls_ns: u64,
     /// Pose in `odom` from which it was led on last.
     gap: Pose2,
+    /// `[ns]` graph time since which the filter refuses what it is asked; 0 = it does not.
+    refused_ns: u64,
+    /// `[ns]` the same, or makes a turn on the spot of it.
+    turned_ns: u64,
+    /// `[ns]` graph time of the last look for a way out; 0 = none yet.
+    looked_ns: u64,
     /// Way out that is driven.
     maneuver: Maneuver,
     /// Pose in `odom` from about which ways out are counted.
@@ -181,19 +202,19 @@ impl Recovery {
         (self.maneuvers, self.phase == MANEUVER)
     }
 
+    /// Hears what the filter answered.
+    pub(crate) fn answered(&mut self, now_ns: u64, answer: Answer) {
+        note_since(&mut self.refused_ns, now_ns, answer == Answer::Refuses);
+        note_since(&mut self.turned_ns, now_ns, answer != Answer::Moves);
+    }
+
     /// Hears what the lead wished, and what held it back.
     pub(crate) fn heard(&mut self, now_ns: u64, wish: Twist, by: HeldBack) {
         let rests = wish.v_m_s.abs() < AT_REST && wish.w_rad_s.abs() < AT_REST;
         self.held_back = if rests && by == HeldBack::Nothing { HeldBack::Itself } else { by } as u32;
         let is_slow = by == HeldBack::Nothing && wish.v_m_s.abs() <= SLOW_M_S;
-        let crawls = is_slow && !rests && wish.w_rad_s.abs() <= SLOW_RAD_S;
-        for (since_ns, is) in [(&mut self.slow_ns, is_slow), (&mut self.crawls_ns, crawls)] {
-            *since_ns = match *since_ns {
-                _ if !is => 0,
-                0 => now_ns,
-                since_ns => since_ns,
-            };
-        }
+        note_since(&mut self.slow_ns, now_ns, is_slow);
+        note_since(&mut self.crawls_ns, now_ns, is_slow && !rests && wish.w_rad_s.abs() <= SLOW_RAD_S);
     }
 
     /// What to do now, given that there is a goal to drive to.
@@ -210,11 +231,12 @@ impl Recovery {
         }
         let since = |begin_ns: u64| now_ns.saturating_sub(begin_ns);
         let still_ns = since(self.still_ns);
+        let is_refused = has_lasted(self.refused_ns, now_ns, REFUSED_NS);
         match self.phase {
             SCAN => {
                 self.turned_rad += wrap_angle(pose.yaw_rad - self.last_yaw_rad).abs();
                 self.last_yaw_rad = pose.yaw_rad;
-                if still_ns > BLOCKED_NS {
+                if still_ns > BLOCKED_NS || is_refused {
                     self.begin(REST, now_ns, pose);
                 } else if self.turned_rad >= SCAN_RAD || since(self.phase_ns) > SCAN_NS {
                     self.tried |= 1 << SCAN;
@@ -223,7 +245,7 @@ impl Recovery {
             }
             BACK_UP => {
                 let way_m = pose.distance_m(&self.place);
-                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
+                let stuck = is_refused || still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if stuck || way_m >= f64::from(config.back_up_m) {
                     // From another place a way out may be driven.
                     self.tried = (self.tried | 1 << BACK_UP) & !(1 << MANEUVER);
@@ -231,7 +253,7 @@ impl Recovery {
                     self.begin(if way_m > MOVED_M { FOLLOW } else { SCAN }, now_ns, pose);
                 }
             }
-            ADVANCE if still_ns > STRAIGHT_NS => {
+            ADVANCE if still_ns > STRAIGHT_NS || is_refused => {
                 let place = self.place;
                 self.begin(STRAIGHT, now_ns, pose);
                 self.place = place;
@@ -239,19 +261,25 @@ impl Recovery {
             ADVANCE | STRAIGHT => {
                 let (x_m, y_m) = self.goal_from(pose);
                 let there = self.phase == ADVANCE && libm::hypot(x_m, y_m) < THERE_M;
-                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
+                let stuck = is_refused || still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
                 if stuck {
                     self.tried |= 1 << ADVANCE;
                     self.trouble = *pose;
                 }
-                if there || stuck || pose.distance_m(&self.place) > ADVANCE_M {
+                if stuck {
+                    self.go_on(moment, planner, true);
+                } else if there || pose.distance_m(&self.place) > ADVANCE_M {
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
             MANEUVER => {
-                let stuck = still_ns > BLOCKED_NS || since(self.phase_ns) > MANEUVER_NS;
-                self.tried |= u32::from(stuck) << MANEUVER;
-                if stuck || self.maneuver.is_over(pose) {
+                let stuck = is_refused || still_ns > BLOCKED_NS || since(self.phase_ns) > MANEUVER_NS;
+                // One that led nowhere leads nowhere again.
+                let in_vain = stuck && pose.distance_m(&self.place) < MOVED_M;
+                self.tried |= u32::from(in_vain) << MANEUVER;
+                if stuck {
+                    self.go_on(moment, planner, true);
+                } else if self.maneuver.is_over(pose) {
                     self.begin(FOLLOW, now_ns, pose);
                 }
             }
@@ -265,7 +293,7 @@ impl Recovery {
     /// again and again.
     fn hesitates(&self, moment: &Moment<'_>) -> bool {
         let Moment { now_ns, pose, goal_m, gaps, config, .. } = moment;
-        let is_slow = self.slow_ns != 0 && now_ns.saturating_sub(self.slow_ns) >= span_ns(config.hesitate_s);
+        let is_slow = has_lasted(self.slow_ns, *now_ns, span_ns(config.hesitate_s));
         let in_vain = self.led_on >= LED_ON_MOST && self.is_at_gap(pose);
         let may = is_slow && !in_vain && self.tried & 1 << ADVANCE == 0;
         may && gaps.aim(pose.inverse_transform(goal_m.0, goal_m.1)).is_gap
@@ -275,46 +303,66 @@ impl Recovery {
         pose.distance_m(&self.gap) < AWAY_M
     }
 
-    /// Leads on through a gap, or begins what was not tried here yet where the robot stands for too long or comes nowhere.
+    /// Goes on where the robot stands for too long or comes nowhere, leads on through a gap, or looks for a way out where the
+    /// filter lets the wish go nowhere.
     fn follow(&mut self, moment: &Moment<'_>, planner: &mut Planner) {
         let Moment { now_ns, pose, goal_m, config, .. } = *moment;
-        let is = |by: HeldBack| self.held_back == by as u32;
-        let (rests, is_free) = (is(HeldBack::Itself), is(HeldBack::Nothing) || is(HeldBack::Itself));
+        let since = |begin_ns: u64| now_ns.saturating_sub(begin_ns);
         // More time shows nothing to who does not know the floor, or why he crawls.
-        let unseen_ns = span_ns(config.unseen_s);
-        let crawls = self.crawls_ns != 0 && now_ns.saturating_sub(self.crawls_ns) >= unseen_ns;
-        let is_soon = is(HeldBack::Unseen) || crawls;
-        let patience_s = if is_soon { config.unseen_s } else { config.boxed_in_s };
-        let stands = now_ns.saturating_sub(self.still_ns) >= span_ns(patience_s);
-        let lost = now_ns.saturating_sub(self.anchor_ns) >= span_ns(config.no_progress_s);
-        let hesitates = !stands && !lost && self.hesitates(moment);
-        if !stands && !lost && !hesitates {
-            return;
+        let crawls = has_lasted(self.crawls_ns, now_ns, span_ns(config.unseen_s));
+        let is_soon = crawls || self.is_held_back(HeldBack::Unseen);
+        let stands =
+            since(self.still_ns) >= span_ns(if is_soon { config.unseen_s } else { config.boxed_in_s });
+        let lost = since(self.anchor_ns) >= span_ns(config.no_progress_s);
+        let goes_nowhere =
+            has_lasted(self.refused_ns, now_ns, REFUSED_NS) || has_lasted(self.turned_ns, now_ns, TURNED_NS);
+        if stands || lost {
+            self.go_on(moment, planner, stands);
+        } else if self.hesitates(moment) {
+            // No trouble yet: what was tried stays tried where it was.
+            self.cause = Reason::NoProgress as u32;
+            (self.goal_x_m, self.goal_y_m) = goal_m;
+            (self.gap, self.led_on) =
+                if self.is_at_gap(pose) { (self.gap, self.led_on + 1) } else { (*pose, 1) };
+            self.begin(ADVANCE, now_ns, pose);
+        } else if goes_nowhere && since(self.looked_ns) >= LOOK_NS {
+            // Free cells lead round what is in the way: they need not wait for it as what comes nearer to it must.
+            self.leave(moment, planner);
         }
+    }
+
+    fn is_held_back(&self, by: HeldBack) -> bool {
+        self.held_back == by as u32
+    }
+
+    /// Begins what was not tried here yet, a way out first: where the robot stands, or comes nowhere.
+    fn go_on(&mut self, moment: &Moment<'_>, planner: &mut Planner, stands: bool) {
+        let Moment { now_ns, pose, goal_m, .. } = *moment;
+        let rests = self.is_held_back(HeldBack::Itself);
+        let is_free = rests || self.is_held_back(HeldBack::Nothing);
         self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
         (self.goal_x_m, self.goal_y_m) = goal_m;
         self.side = if self.goal_from(pose).1 < 0.0 { -1.0 } else { 1.0 };
+        let is_untried = |phase: &u32| self.tried & 1 << phase == 0;
         // Who hesitates goes on; who is held back sees more from farther off.
         let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
-        let next = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
-        if hesitates {
-            // No trouble yet: what was tried stays tried where it was.
-            (self.gap, self.led_on) =
-                if self.is_at_gap(pose) { (self.gap, self.led_on + 1) } else { (*pose, 1) };
-            return self.begin(next, now_ns, pose);
-        }
-        let way_out = if rests { None } else { self.way_out(moment, planner) };
-        let phase = if let Some(maneuver) = way_out {
-            self.maneuver = maneuver;
-            (self.out_from, self.maneuvers) =
-                if self.maneuvers == 0 { (*pose, 1) } else { (self.out_from, self.maneuvers + 1) };
-            MANEUVER
-        } else {
-            self.tried |= u32::from(next == ADVANCE) << ADVANCE;
-            next
-        };
+        let next = order.into_iter().find(is_untried).unwrap_or(REST);
         self.trouble = *pose;
-        self.begin(phase, now_ns, pose);
+        if rests || !self.leave(moment, planner) {
+            self.tried |= u32::from(next == ADVANCE) << ADVANCE;
+            self.begin(next, now_ns, pose);
+        }
+    }
+
+    /// Begins a way out, if there is one.
+    fn leave(&mut self, moment: &Moment<'_>, planner: &mut Planner) -> bool {
+        self.looked_ns = moment.now_ns;
+        let Some(maneuver) = self.way_out(moment, planner) else { return false };
+        self.maneuver = maneuver;
+        (self.out_from, self.maneuvers) =
+            if self.maneuvers == 0 { (*moment.pose, 1) } else { (self.out_from, self.maneuvers + 1) };
+        self.begin(MANEUVER, moment.now_ns, moment.pose);
+        true
     }
 
     /// A way out from here, if there may be another one.
@@ -382,6 +430,8 @@ impl Recovery {
         self.still_ns = now_ns;
         self.slow_ns = 0;
         self.crawls_ns = 0;
+        self.refused_ns = 0;
+        self.turned_ns = 0;
     }
 
     fn asked(&self, moment: &Moment<'_>) -> Action {
@@ -407,6 +457,20 @@ impl Recovery {
             _ => Action::Follow,
         }
     }
+}
+
+/// Keeps since when something is: graph time `[ns]`, 0 while it is not.
+fn note_since(since_ns: &mut u64, now_ns: u64, is: bool) {
+    *since_ns = match *since_ns {
+        _ if !is => 0,
+        0 => now_ns,
+        since_ns => since_ns,
+    };
+}
+
+/// Whether it has been for so long.
+fn has_lasted(since_ns: u64, now_ns: u64, span_ns: u64) -> bool {
+    since_ns != 0 && now_ns.saturating_sub(since_ns) >= span_ns
 }
 
 /// Whether a pose is farther from a trouble than a back-up leads.

@@ -97,7 +97,13 @@ impl Filter<'_> {
         if wish.v_m_s.abs() < 1e-3 && wish.w_rad_s.abs() < 1e-3 {
             return Filtered { scale: 1.0, ..self.brake(question, Reason::Clear, NO_CELL) };
         }
-        let Hit { cell, moving } = match self.along(question, wish, escape) {
+        let is_capped = self.is_capped(question, wish);
+        let along = if is_capped {
+            Err(Hit { cell: NO_CELL, moving: false })
+        } else {
+            self.along(question, wish, escape)
+        };
+        let Hit { cell, moving } = match along {
             Ok(filtered) => return filtered,
             Err(hit) => hit,
         };
@@ -105,7 +111,10 @@ impl Filter<'_> {
             // It passes, or shows that nothing was there.
             return self.brake(question, Reason::Yielding, cell);
         }
-        if question.ways >= Ways::Straight && wish.v_m_s.abs() > self.config.crawl_m_s && wish.w_rad_s != 0.0
+        if question.ways >= Ways::Straight
+            && !is_capped
+            && wish.v_m_s.abs() > self.config.crawl_m_s
+            && wish.w_rad_s != 0.0
         {
             // A corner that swings out meets cells which the flank passes.
             let straight = Twist::new(wish.v_m_s, 0.0);
@@ -121,6 +130,13 @@ impl Filter<'_> {
             }
         }
         self.brake(question, Reason::Braking, cell)
+    }
+
+    /// Whether a direct sensor leaves nothing of a wish to drive: then there is no way along it, but perhaps one to the side.
+    fn is_capped(&self, question: &Question, wish: Twist) -> bool {
+        let crawl_m_s = self.config.crawl_m_s;
+        let drives = question.ways == Ways::Escapes && wish.v_m_s.abs() > crawl_m_s;
+        drives && wish.v_m_s.abs() * question.scale_max < crawl_m_s
     }
 
     /// As much of a wish as is safe, or the cell in the way.

@@ -17,9 +17,10 @@ use sidestep_train::Random;
 const BLOCK: u64 = 2 * GRADES.len() as u64;
 /// `[m]` a block shorter than this does not bring its driver on.
 const BLOCK_LEAST_M: f64 = 0.1;
-/// Rooms, and seconds in each, that tell one arbiter from another.
+/// Rooms, and seconds in each, that tell one arbiter from another: for the expert, and for the driver that does not care, who
+/// gets into all the troubles there are.
 const PROBES: u64 = 2;
-const PROBE_S: f64 = 20.0;
+const PROBE_S: f64 = 40.0;
 /// Seed of those rooms.
 const PROBE_SEED: u64 = 0x4c4f_4e47;
 /// Steps of the tube that a wish would have needed.
@@ -50,26 +51,44 @@ pub struct LongOptions<'a> {
     pub threads: usize,
 }
 
-/// Fingerprint of how arbiter and robot behave with this way of seeing: every command of a few drives of the expert, and
-/// the time limit. Whatever changes what the robot is told there opens a new account; a comment does not.
+/// Fingerprint of how arbiter and robot behave with this way of seeing: every command of a few drives, the arbiter's
+/// parameters, the robot and the time limit. Whatever changes what the robot is told there opens a new account; a comment
+/// does not.
 ///
 /// # Errors
 /// [`NavigateError`] where a model or a node refuses.
 pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
-    let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: options.sight };
     let mut bytes = options.robot.hash().to_le_bytes().to_vec();
     bytes.extend(options.limit_s.to_le_bytes());
-    for number in 0..PROBES {
-        let mut drive = Drive::new(setup(options.robot, &room(PROBE_SEED, number), conditions))?;
-        while drive.outcome().time_s < PROBE_S {
-            drive.tick();
-            let Command { twist, reason, .. } = drive.command();
-            bytes.extend(twist.v_m_s.to_le_bytes());
-            bytes.extend(twist.w_rad_s.to_le_bytes());
-            bytes.extend(reason.to_le_bytes());
-        }
-    }
+    bytes.extend(format!("{:?}", sidestep_arbiter::Config::STANDARD).bytes());
+    let drives = in_order(
+        2 * PROBES as usize,
+        options.threads,
+        || Ok::<_, NavigateError>(()),
+        |(), index| probe(options, index as u64 / 2, index % 2 == 1),
+        &mut |_| (),
+    )?;
+    bytes.extend(drives.into_iter().flatten());
     Ok(format!("{:016x}", fingerprint(&bytes)))
+}
+
+/// Every command of one drive, as bytes.
+fn probe(options: &LongOptions<'_>, number: u64, is_reckless: bool) -> Result<Vec<u8>, NavigateError> {
+    let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: options.sight };
+    let mut drive = Drive::new(setup(options.robot, &room(PROBE_SEED, number), conditions))?;
+    let mut whims = is_reckless.then(|| Whims::new(PROBE_SEED, number));
+    let mut bytes = Vec::new();
+    while drive.outcome().time_s < PROBE_S {
+        if let Some(whims) = &mut whims {
+            drive.overrule(Some(whims.wish(&options.robot.limits)));
+        }
+        drive.tick();
+        let Command { twist, reason, .. } = drive.command();
+        bytes.extend(twist.v_m_s.to_le_bytes());
+        bytes.extend(twist.w_rad_s.to_le_bytes());
+        bytes.extend(reason.to_le_bytes());
+    }
+    Ok(bytes)
 }
 
 /// Drives until the account has its distance; `keep` hears after each block.

@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x97aa_72b1_ea42_2cd0,
+        content_hash: 0xcad1_3953_94be_d127,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x2263_c48e_1a1c_6f50,
+        content_hash: 0x6f76_a85e_8fa4_10cb,
     },
 ];
 

@@ -3,7 +3,8 @@
 use crate::Config;
 use crate::fixture::{Solid, Stage, map_of};
 use sidestep_msgs::{
-    AGE_NEVER, AGE_OLDER, Estop, EstopAction, Header, LocalGoal, Pose2, Reason, SAFETY_GRID, Status, Twist,
+    AGE_NEVER, AGE_OLDER, Estop, EstopAction, Header, LocalGoal, Pose2, Range, Ranges, Reason, SAFETY_GRID,
+    Status, Twist,
 };
 
 const CONFIG: Config = Config::STANDARD;
@@ -67,6 +68,25 @@ fn turning_counts_as_progress_for_a_while() {
     let (standing, turning) = (recovers_after(0.0), recovers_after(0.8));
     assert!((290..=320).contains(&standing), "{standing} ticks");
     assert!((1500..=2050).contains(&turning), "{turning} ticks");
+}
+
+/// Something that the map does not hold and an ultrasonic sensor sees, right before a robot that wants on: it does not stand
+/// there, but turns to where its wish or its goal lies.
+#[test]
+fn before_what_only_a_sensor_sees_it_turns_aside() {
+    for turn_rad_s in [0.3, -0.3f32] {
+        let mut stage = Stage::new(&CONFIG, &[]);
+        stage.wish = Twist::new(0.4, turn_rad_s);
+        for _ in 0..25 {
+            let mut ranges = Ranges { stamp_ns: stage.now_ns, count: 1, ..Ranges::default() };
+            ranges.sensors[0] = Range { x_m: 0.1, near_m: 0.1, far_m: 1.5, range_m: 0.1, ..Range::default() };
+            stage.arbiter.ranges(&ranges);
+            stage.tick();
+        }
+        assert_eq!(stage.command.reason, Reason::Rotating as u32, "{:?}", stage.command);
+        let Twist { v_m_s, w_rad_s } = stage.command.twist;
+        assert!(w_rad_s * turn_rad_s.signum() > 0.3 && v_m_s.abs() < 0.01, "{:?}", stage.command);
+    }
 }
 
 /// A hole of unseen floor ahead, then a wall at its place: before the hole, where waiting shows nothing, it backs up soon.

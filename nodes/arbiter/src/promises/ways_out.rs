@@ -43,6 +43,35 @@ fn out_of_a_slot_it_backs_and_turns_towards_the_goal() {
     }
 }
 
+/// At the end of a slot, at rest against its wish: led out within half a second, though what is there was seen.
+#[test]
+fn who_is_refused_is_led_out_before_half_a_second_has_passed() {
+    let mut stage = Stage::new(&CONFIG, &SLOT);
+    stage.wish = Twist::new(0.5, 0.0);
+    let mut stood = 0;
+    while !is_led_out(&stage) {
+        tick_towards(&mut stage, [-1.0, 2.0]);
+        stood += u32::from(stage.twist.v_m_s.abs() < 0.01);
+        assert!(stood < 50, "{:?} {:?}", stage.pose, stage.command);
+    }
+}
+
+/// The slot is closed behind a robot that backs out of it: it gives the way up as soon as it stands, and does not begin it
+/// again.
+#[test]
+fn a_way_out_that_closes_is_given_up() {
+    let mut stage = on_the_way();
+    let behind_m = stage.pose.x_m - 0.6;
+    stage.solids.push([behind_m - 0.5, -0.6, behind_m, 0.6]);
+    let mut led = 0;
+    for _ in 0..400 {
+        tick_towards(&mut stage, [-1.0, 2.0]);
+        assert!(stage.gap_m() > 0.0, "{:?}", stage.pose);
+        led += u32::from(is_led_out(&stage) && stage.twist.v_m_s.abs() < 0.01);
+    }
+    assert!((1..40).contains(&led), "{led} ticks");
+}
+
 /// Before a band of floor that nobody saw, without an inch seen beyond: it goes to where the camera sees the band, and looks.
 #[test]
 fn it_goes_to_where_it_sees_the_floor_that_it_does_not_know() {
@@ -95,16 +124,17 @@ fn no_way_out_is_driven_against_a_word_to_stop() {
     assert!(stage.twist.v_m_s.abs() < 0.01);
 }
 
-/// Carried back into the slot again and again: six ways out, then the rest that asks.
+/// Carried back into the slot again and again, never to quite the same place: six ways out, then the rest that asks.
 #[test]
 fn who_is_put_back_is_not_led_out_for_ever() {
     let mut stage = Stage::new(&CONFIG, &SLOT);
     stage.wish = Twist::new(0.5, 0.0);
     let asks = [Reason::BoxedIn as u32, Reason::NoProgress as u32];
-    let (mut most, mut asked) = (0, false);
+    let (mut most, mut asked, mut x_m) = (0, false, 0.0);
     for _ in 0..20_000 {
         if stage.pose.x_m < -0.2 {
-            (stage.pose, stage.twist) = (Pose2::ORIGIN, Twist::STOP);
+            x_m = -0.1 - x_m;
+            (stage.pose, stage.twist) = (Pose2::new(x_m, 0.0, 0.0), Twist::STOP);
         }
         asked = asks.contains(&tick_towards(&mut stage, [-1.0, 2.0]));
         if asked {
