@@ -292,6 +292,8 @@ pub(crate) struct FreeSpace {
     pub(crate) old: Rows,
     /// Cells that are not known free because nobody saw them, not because something is there.
     pub(crate) unknown: Rows,
+    /// Cells that the camera does not see now: waiting shows no more of them.
+    unwatched: Rows,
     /// `near[k]`: cells within k cells (chessboard distance) of one that is not known free, or of the border.
     near: Box<[Rows; LEVELS]>,
     /// Where movers may be.
@@ -326,6 +328,7 @@ impl FreeSpace {
             blocked: [ALL; SAFETY_SIDE],
             old: [ALL; SAFETY_SIDE],
             unknown: [ALL; SAFETY_SIDE],
+            unwatched: [ALL; SAFETY_SIDE],
             near: Box::new([[ALL; SAFETY_SIDE]; LEVELS]),
             movers: Movers::new(config, robot),
             codes,
@@ -341,18 +344,20 @@ impl FreeSpace {
             map.occupancy.as_chunks::<SAFETY_SIDE>().0.iter().zip(map.age.as_chunks::<SAFETY_SIDE>().0);
         for (index, (occupancy, age)) in lines.enumerate() {
             let row = SAFETY_SIDE - 1 - index;
-            let (mut blocked, mut old, mut unknown) = (0u128, 0u128, 0u128);
+            let (mut blocked, mut old, mut unknown, mut unwatched) = (0u128, 0u128, 0u128, 0u128);
             for col in 0..SAFETY_SIDE {
                 let seen = age[col] != AGE_NEVER;
                 let free = seen && occupancy[col] < codes.free;
                 // Column 0 is farthest left: the highest bit.
                 blocked = blocked << 1 | u128::from(!free);
                 old = old << 1 | u128::from(!free || age[col] > codes.old);
+                unwatched = unwatched << 1 | u128::from(age[col] > codes.seen);
                 unknown = unknown << 1 | u128::from(!free && (!seen || occupancy[col] <= 140));
             }
             self.blocked[row] = blocked;
             self.old[row] = old;
             self.unknown[row] = unknown;
+            self.unwatched[row] = unwatched;
         }
         self.dilate();
         if self.movers.speed_m_s() > 0.0 {
@@ -375,10 +380,10 @@ impl FreeSpace {
         sight
     }
 
-    /// Whether a cell of the safety map is not free because nobody saw it.
-    pub(crate) fn is_unseen(&self, cell: u32) -> bool {
+    /// Whether the camera does not see a cell of the safety map now.
+    pub(crate) fn is_unwatched(&self, cell: u32) -> bool {
         let (row, col) = (cell as usize / SAFETY_SIDE, cell as usize % SAFETY_SIDE);
-        row < SAFETY_SIDE && self.unknown[SAFETY_SIDE - 1 - row] >> (SAFETY_SIDE - 1 - col) & 1 == 1
+        row < SAFETY_SIDE && self.unwatched[SAFETY_SIDE - 1 - row] >> (SAFETY_SIDE - 1 - col) & 1 == 1
     }
 
     /// Forgets everything.
@@ -386,6 +391,7 @@ impl FreeSpace {
         self.blocked = [ALL; SAFETY_SIDE];
         self.old = [ALL; SAFETY_SIDE];
         self.unknown = [ALL; SAFETY_SIDE];
+        self.unwatched = [ALL; SAFETY_SIDE];
         self.dilate();
         self.movers.clear();
     }

@@ -83,8 +83,8 @@ pub struct Config {
     pub back_up_age_s: f32,
     /// `[s]` standing for this long although there is a goal: recovery.
     pub boxed_in_s: f32,
-    /// `[s]` the same where what is in the way is a cell that nobody saw, which shows itself only from elsewhere, or nothing:
-    /// a lead that crawls without a reason.
+    /// `[s]` the same where what is in the way is a cell that the camera does not see (`seen_s`), or nothing: a lead that
+    /// crawls without a reason.
     pub unseen_s: f32,
     /// `[s]` wanting at most 0.15 m/s for this long before a gap that the footprint fits through: led on.
     pub hesitate_s: f32,
@@ -96,7 +96,7 @@ pub struct Config {
     pub wait_s: f32,
     /// `[s]` what has stood for this long goes on standing; before, it may move. Only where the robot file names a speed of movers.
     pub still_s: f32,
-    /// `[s]` a cell not seen for longer may hide a mover. As above.
+    /// `[s]` a cell not seen for longer may hide a mover (as above), and waiting shows no more of it.
     pub seen_s: f32,
     /// `[m/s]` a policy in more doubt than this gives way to the expert; `inf` = never.
     pub doubt_limit_m_s: f32,

@@ -76,7 +76,7 @@ impl Arbiter {
         } else {
             self.ask(&situation, &question)
         };
-        self.memory.recovery.answered(now_ns, self.answered(&filtered));
+        self.memory.recovery.answered(now_ns, self.answered(&question, &filtered));
         if action == Action::Follow {
             let by = self.held_back_by(&filtered, selected.reason);
             self.memory.recovery.heard(now_ns, selected.twist, by);
@@ -120,21 +120,38 @@ impl Arbiter {
         self.memory.recovery.action(&moment, &mut self.planner)
     }
 
-    /// What the filter made of a question.
-    fn answered(&self, filtered: &Filtered) -> Answer {
-        let Twist { v_m_s, w_rad_s } = filtered.motion.twist;
-        let stands = v_m_s.abs() < self.config.crawl_m_s && w_rad_s.abs() < CRAWL_RAD_S;
+    /// What the filter made of a question. A start that is slow because of the limits is none that is refused.
+    fn answered(&self, question: &Question, filtered: &Filtered) -> Answer {
+        let is_small = |twist: Twist, part: f32| {
+            part * twist.v_m_s.abs() < self.config.crawl_m_s && part * twist.w_rad_s.abs() < CRAWL_RAD_S
+        };
+        let stands = is_small(filtered.motion.twist, 1.0);
         match filtered.reason {
+            _ if is_small(question.wish, 1.0) => Answer::Moves,
             Reason::Rotating => Answer::Turns,
-            Reason::Braking | Reason::Slowed | Reason::Emergency if stands => Answer::Refuses,
+            Reason::Braking | Reason::Emergency if stands => Answer::Refuses(self.refused_by(filtered)),
+            Reason::Slowed if stands && is_small(question.wish, filtered.scale) => {
+                Answer::Refuses(self.refused_by(filtered))
+            }
             _ => Answer::Moves,
+        }
+    }
+
+    /// What refuses: a cell that the camera does not see now, one that it sees, or no cell of the map.
+    fn refused_by(&self, filtered: &Filtered) -> HeldBack {
+        if filtered.cell == NO_CELL {
+            HeldBack::Nothing
+        } else if self.space.is_unwatched(filtered.cell) {
+            HeldBack::Unseen
+        } else {
+            HeldBack::Seen
         }
     }
 
     /// What held a wish back. Proposers that both see no way are held back by what they see.
     fn held_back_by(&self, filtered: &Filtered, reason: Reason) -> HeldBack {
         match filtered.scale < FREE_SCALE {
-            true if self.space.is_unseen(filtered.cell) => HeldBack::Unseen,
+            true if self.space.is_unwatched(filtered.cell) => HeldBack::Unseen,
             false if reason != Reason::UnfitProposals => HeldBack::Nothing,
             _ => HeldBack::Seen,
         }
@@ -148,6 +165,7 @@ impl Arbiter {
             dt_s,
             now_ns,
             scale_max: 1.0,
+            is_barred: false,
             side,
             ways: Ways::Escapes,
         }
@@ -177,6 +195,7 @@ impl Arbiter {
         let sees = |sign| ahead(&self.memory.inputs, &self.config, &self.robot, &self.outline, now_ns, sign);
         if let Some(seen) = sees(question.wish.v_m_s.signum()) {
             most = most.min(seen.speed_m_s);
+            question.is_barred = speed > self.config.crawl_m_s && seen.speed_m_s < self.config.crawl_m_s;
         }
         question.scale_max = (most / speed).min(1.0);
         let rolls = situation.twist.v_m_s;

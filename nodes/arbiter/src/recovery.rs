@@ -66,7 +66,7 @@ pub(crate) enum HeldBack {
     Nothing = 0,
     /// Something that was seen.
     Seen = 1,
-    /// A cell that nobody saw: waiting shows no more of it.
+    /// A cell that the camera does not see now: waiting shows no more of it.
     Unseen = 2,
     /// Itself: it wants to stand.
     Itself = 3,
@@ -75,12 +75,12 @@ pub(crate) enum HeldBack {
 /// What the filter made of what it was asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// A motion along it.
+    /// A motion, if only backward, or a wait for what moves.
     Moves,
     /// A turn on the spot instead.
     Turns,
-    /// Nothing to speak of.
-    Refuses,
+    /// Nothing to speak of, because of a cell of the map, or of something that only a direct sensor sees ([`HeldBack::Nothing`]).
+    Refuses(HeldBack),
 }
 
 /// What the filter is asked for instead of the wish.
@@ -166,7 +166,8 @@ pub(crate) struct Recovery {
     /// Pose in `odom` from about which ways out are counted.
     out_from: Pose2,
     maneuvers: u32,
-    _pad: u32,
+    /// [`HeldBack`] code of the last refusal.
+    refused_by: u32,
 }
 
 impl Recovery {
@@ -190,8 +191,7 @@ impl Recovery {
         self.tried = 0;
         self.led_on = 0;
         self.maneuvers = 0;
-        self.slow_ns = 0;
-        self.crawls_ns = 0;
+        (self.slow_ns, self.crawls_ns, self.refused_ns, self.turned_ns) = (0, 0, 0, 0);
         self.still_ns = 0;
         self.anchor_ns = 0;
     }
@@ -204,7 +204,9 @@ impl Recovery {
 
     /// Hears what the filter answered.
     pub(crate) fn answered(&mut self, now_ns: u64, answer: Answer) {
-        note_since(&mut self.refused_ns, now_ns, answer == Answer::Refuses);
+        let by = if let Answer::Refuses(by) = answer { Some(by) } else { None };
+        self.refused_by = by.unwrap_or(HeldBack::Nothing) as u32;
+        note_since(&mut self.refused_ns, now_ns, by.is_some());
         note_since(&mut self.turned_ns, now_ns, answer != Answer::Moves);
     }
 
@@ -224,11 +226,7 @@ impl Recovery {
             self.tried = 0;
         }
         self.note_progress(now_ns, pose, config);
-        let turned = wrap_angle(pose.yaw_rad - self.still.yaw_rad).abs();
-        if self.still_ns == 0 || pose.distance_m(&self.still) > MOVED_M || turned > MOVED_RAD {
-            self.still = *pose;
-            self.still_ns = now_ns;
-        }
+        self.note_stillness(now_ns, pose);
         let since = |begin_ns: u64| now_ns.saturating_sub(begin_ns);
         let still_ns = since(self.still_ns);
         let is_refused = has_lasted(self.refused_ns, now_ns, REFUSED_NS);
@@ -262,12 +260,9 @@ impl Recovery {
                 let (x_m, y_m) = self.goal_from(pose);
                 let there = self.phase == ADVANCE && libm::hypot(x_m, y_m) < THERE_M;
                 let stuck = is_refused || still_ns > BLOCKED_NS || since(self.phase_ns) > MOVE_NS;
+                self.tried |= u32::from(stuck) << ADVANCE;
                 if stuck {
-                    self.tried |= 1 << ADVANCE;
-                    self.trouble = *pose;
-                }
-                if stuck {
-                    self.go_on(moment, planner, true);
+                    self.give_up(moment, planner, is_refused);
                 } else if there || pose.distance_m(&self.place) > ADVANCE_M {
                     self.begin(FOLLOW, now_ns, pose);
                 }
@@ -275,10 +270,9 @@ impl Recovery {
             MANEUVER => {
                 let stuck = is_refused || still_ns > BLOCKED_NS || since(self.phase_ns) > MANEUVER_NS;
                 // One that led nowhere leads nowhere again.
-                let in_vain = stuck && pose.distance_m(&self.place) < MOVED_M;
-                self.tried |= u32::from(in_vain) << MANEUVER;
+                self.tried |= u32::from(stuck && pose.distance_m(&self.place) < MOVED_M) << MANEUVER;
                 if stuck {
-                    self.go_on(moment, planner, true);
+                    self.give_up(moment, planner, is_refused);
                 } else if self.maneuver.is_over(pose) {
                     self.begin(FOLLOW, now_ns, pose);
                 }
@@ -314,10 +308,13 @@ impl Recovery {
         let stands =
             since(self.still_ns) >= span_ns(if is_soon { config.unseen_s } else { config.boxed_in_s });
         let lost = since(self.anchor_ns) >= span_ns(config.no_progress_s);
-        let goes_nowhere =
-            has_lasted(self.refused_ns, now_ns, REFUSED_NS) || has_lasted(self.turned_ns, now_ns, TURNED_NS);
+        let is_refused = has_lasted(self.refused_ns, now_ns, REFUSED_NS);
+        let by_map = is_refused && self.refused_by != HeldBack::Nothing as u32;
+        let turns = !is_refused && has_lasted(self.turned_ns, now_ns, TURNED_NS);
         if stands || lost {
-            self.go_on(moment, planner, stands);
+            let is_free = self.is_held_back(HeldBack::Nothing) || self.is_held_back(HeldBack::Itself);
+            self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
+            self.go_on(moment, planner);
         } else if self.hesitates(moment) {
             // No trouble yet: what was tried stays tried where it was.
             self.cause = Reason::NoProgress as u32;
@@ -325,8 +322,9 @@ impl Recovery {
             (self.gap, self.led_on) =
                 if self.is_at_gap(pose) { (self.gap, self.led_on + 1) } else { (*pose, 1) };
             self.begin(ADVANCE, now_ns, pose);
-        } else if goes_nowhere && since(self.looked_ns) >= LOOK_NS {
-            // Free cells lead round what is in the way: they need not wait for it as what comes nearer to it must.
+        } else if (by_map || turns) && since(self.looked_ns) >= LOOK_NS {
+            // Free cells lead round what is in the way: they need not wait for it.
+            self.cause = Reason::NoProgress as u32;
             self.leave(moment, planner);
         }
     }
@@ -335,55 +333,62 @@ impl Recovery {
         self.held_back == by as u32
     }
 
-    /// Begins what was not tried here yet, a way out first: where the robot stands, or comes nowhere.
-    fn go_on(&mut self, moment: &Moment<'_>, planner: &mut Planner, stands: bool) {
+    /// Ends an advance or a way out that got stuck: what the camera does not see will not get out of the way, all else may.
+    fn give_up(&mut self, moment: &Moment<'_>, planner: &mut Planner, is_refused: bool) {
+        self.trouble = *moment.pose;
+        if is_refused && self.refused_by == HeldBack::Unseen as u32 {
+            self.go_on(moment, planner);
+        } else {
+            self.begin(FOLLOW, moment.now_ns, moment.pose);
+        }
+    }
+
+    /// Begins what was not tried here yet, a way out first, but not for who wants to stand.
+    fn go_on(&mut self, moment: &Moment<'_>, planner: &mut Planner) {
         let Moment { now_ns, pose, goal_m, .. } = *moment;
-        let rests = self.is_held_back(HeldBack::Itself);
-        let is_free = rests || self.is_held_back(HeldBack::Nothing);
-        self.cause = if stands && !is_free { Reason::BoxedIn } else { Reason::NoProgress } as u32;
         (self.goal_x_m, self.goal_y_m) = goal_m;
         self.side = if self.goal_from(pose).1 < 0.0 { -1.0 } else { 1.0 };
-        let is_untried = |phase: &u32| self.tried & 1 << phase == 0;
-        // Who hesitates goes on; who is held back sees more from farther off.
-        let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
-        let next = order.into_iter().find(is_untried).unwrap_or(REST);
         self.trouble = *pose;
-        if rests || !self.leave(moment, planner) {
-            self.tried |= u32::from(next == ADVANCE) << ADVANCE;
-            self.begin(next, now_ns, pose);
+        let rests = self.is_held_back(HeldBack::Itself);
+        if !rests && self.leave(moment, planner) {
+            return;
         }
+        // Who hesitates goes on; who is held back sees more from farther off.
+        let is_free = rests || self.is_held_back(HeldBack::Nothing);
+        let order = if is_free { [ADVANCE, BACK_UP, SCAN] } else { [BACK_UP, ADVANCE, SCAN] };
+        let next = order.into_iter().find(|phase| self.tried & 1 << phase == 0).unwrap_or(REST);
+        self.tried |= u32::from(next == ADVANCE) << ADVANCE;
+        self.begin(next, now_ns, pose);
     }
 
     /// Begins a way out, if there is one.
     fn leave(&mut self, moment: &Moment<'_>, planner: &mut Planner) -> bool {
         self.looked_ns = moment.now_ns;
-        let Some(maneuver) = self.way_out(moment, planner) else { return false };
+        let is_elsewhere = is_away(moment.pose, &self.out_from, moment.config);
+        let begun = if is_elsewhere { 0 } else { self.maneuvers };
+        if begun >= MANEUVERS_MOST || self.tried & 1 << MANEUVER != 0 {
+            return false;
+        }
+        let Some(maneuver) = way_out(moment, planner) else { return false };
         self.maneuver = maneuver;
         (self.out_from, self.maneuvers) =
-            if self.maneuvers == 0 { (*moment.pose, 1) } else { (self.out_from, self.maneuvers + 1) };
+            if begun == 0 { (*moment.pose, 1) } else { (self.out_from, begun + 1) };
         self.begin(MANEUVER, moment.now_ns, moment.pose);
         true
-    }
-
-    /// A way out from here, if there may be another one.
-    fn way_out(&mut self, moment: &Moment<'_>, planner: &mut Planner) -> Option<Maneuver> {
-        let Moment { pose, goal_m, left_m, frame, gaps, unknown, config, .. } = moment;
-        if is_away(pose, &self.out_from, config) {
-            self.maneuvers = 0;
-        }
-        if self.maneuvers >= MANEUVERS_MOST || self.tried & 1 << MANEUVER != 0 {
-            return None;
-        }
-        let mut blocked = *gaps.blocked;
-        gaps.outline.exempt(&gaps.at, unknown, &mut blocked);
-        let (x_m, y_m) = frame.inverse_transform(goal_m.0, goal_m.1);
-        let goal_m = [x_m as f32, y_m as f32];
-        planner.find(&Scene { frame, at: &gaps.at, blocked: &blocked, unknown, goal_m, left_m: *left_m })
     }
 
     /// `[m]` the goal of the trouble, seen from a pose.
     fn goal_from(&self, pose: &Pose2) -> (f64, f64) {
         pose.inverse_transform(self.goal_x_m, self.goal_y_m)
+    }
+
+    /// Begins to count anew how long the robot has not moved, where it did.
+    fn note_stillness(&mut self, now_ns: u64, pose: &Pose2) {
+        let turned = wrap_angle(pose.yaw_rad - self.still.yaw_rad).abs();
+        if self.still_ns == 0 || pose.distance_m(&self.still) > MOVED_M || turned > MOVED_RAD {
+            self.still = *pose;
+            self.still_ns = now_ns;
+        }
     }
 
     /// Moves the anchor on where the robot came on since: by way, or for a while by turning.
@@ -457,6 +462,16 @@ impl Recovery {
             _ => Action::Follow,
         }
     }
+}
+
+/// A way out from here.
+fn way_out(moment: &Moment<'_>, planner: &mut Planner) -> Option<Maneuver> {
+    let Moment { goal_m, left_m, frame, gaps, unknown, .. } = moment;
+    let mut blocked = *gaps.blocked;
+    gaps.outline.exempt(&gaps.at, unknown, &mut blocked);
+    let (x_m, y_m) = frame.inverse_transform(goal_m.0, goal_m.1);
+    let goal_m = [x_m as f32, y_m as f32];
+    planner.find(&Scene { frame, at: &gaps.at, blocked: &blocked, unknown, goal_m, left_m: *left_m })
 }
 
 /// Keeps since when something is: graph time `[ns]`, 0 while it is not.

@@ -59,6 +59,8 @@ pub(crate) struct Question {
     pub(crate) now_ns: u64,
     /// `[1]` no scale above this: a cap of speed from ranges, or beside an obstacle.
     pub(crate) scale_max: f32,
+    /// Whether a direct sensor leaves nothing of the wish.
+    pub(crate) is_barred: bool,
     /// Side to turn to where the wish has none.
     pub(crate) side: f32,
     /// What may come of the wish where no part of it is safe.
@@ -97,13 +99,8 @@ impl Filter<'_> {
         if wish.v_m_s.abs() < 1e-3 && wish.w_rad_s.abs() < 1e-3 {
             return Filtered { scale: 1.0, ..self.brake(question, Reason::Clear, NO_CELL) };
         }
-        let is_capped = self.is_capped(question, wish);
-        let along = if is_capped {
-            Err(Hit { cell: NO_CELL, moving: false })
-        } else {
-            self.along(question, wish, escape)
-        };
-        let Hit { cell, moving } = match along {
+        let Hit { cell, moving } = match self.along(question, wish, escape) {
+            Ok(filtered) if question.is_barred => return self.back_off(question, filtered, escape),
             Ok(filtered) => return filtered,
             Err(hit) => hit,
         };
@@ -112,7 +109,7 @@ impl Filter<'_> {
             return self.brake(question, Reason::Yielding, cell);
         }
         if question.ways >= Ways::Straight
-            && !is_capped
+            && !question.is_barred
             && wish.v_m_s.abs() > self.config.crawl_m_s
             && wish.w_rad_s != 0.0
         {
@@ -132,11 +129,15 @@ impl Filter<'_> {
         self.brake(question, Reason::Braking, cell)
     }
 
-    /// Whether a direct sensor leaves nothing of a wish to drive: then there is no way along it, but perhaps one to the side.
-    fn is_capped(&self, question: &Question, wish: Twist) -> bool {
-        let crawl_m_s = self.config.crawl_m_s;
-        let drives = question.ways == Ways::Escapes && wish.v_m_s.abs() > crawl_m_s;
-        drives && wish.v_m_s.abs() * question.scale_max < crawl_m_s
+    /// The answer where a direct sensor sees something right ahead that the map does not hold: a turn might swing a corner into
+    /// it, so the robot backs off.
+    fn back_off(&self, question: &Question, filtered: Filtered, escape: &mut Escape) -> Filtered {
+        let may = question.ways == Ways::Escapes && question.from.twist.v_m_s.abs() < SLOW_M_S;
+        let Some((motion, reason)) = may.then(|| self.back_up(question, escape)).flatten() else {
+            return filtered;
+        };
+        escape.used_ns = question.now_ns;
+        Filtered { motion, scale: 0.0, reason, cell: NO_CELL }
     }
 
     /// As much of a wish as is safe, or the cell in the way.

@@ -21,6 +21,9 @@ const MOVERS: usize = 2;
 /// Genes of a case.
 pub const GENES: usize = 2 + 4 * PIECES + 11 * THINGS + 9 + 11 + 3 * 4 + 9 + 5 + 2;
 
+/// `[m]` where an error of the heading counts as drift, as the mapper has it (`drift_lever_m`).
+const LEVER_M: f64 = 1.0;
+
 /// What is wished for a tenth of the evaluation.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Piece {
@@ -154,7 +157,7 @@ impl Scenario {
         let odometry = channel(read, 4);
         let proposals = channel(read, 4);
         let restarts = restarts(read, is(Assumption::Watchdog));
-        let drift = drift(read, is(Assumption::Drift), robot, margin_m);
+        let drift = drift(read, is(Assumption::Drift), margin_m);
         let map_period = read.whole(3, 4);
         let concealed_s = read.between(0.2, 0.8);
         Self {
@@ -371,14 +374,14 @@ fn restarts(read: &mut Reader<'_>, always: bool) -> Restarts {
     }
 }
 
-/// Both sides together move no point of the footprint by more than the margin.
-fn drift(read: &mut Reader<'_>, relaxed: bool, robot: &Robot, margin_m: f64) -> Drift {
+/// Both sides together are no more than the margin, the heading counted at [`LEVER_M`].
+fn drift(read: &mut Reader<'_>, relaxed: bool, margin_m: f64) -> Drift {
     let part = read.between(0.0, 1.5).min(1.0);
     let most_m = if relaxed { 0.5 * (0.05 + 0.2 * part) } else { 0.5 * margin_m * part };
     let turning = read.unit();
     let (sin, cos) = libm::sincos(read.between(-3.2, 3.2));
     let straight_m = most_m * (1.0 - turning);
-    let yaw_rad = most_m * turning / f64::from(robot.radius_m());
+    let yaw_rad = most_m * turning / LEVER_M;
     let right = read.chance(0.5);
     let ticks = read.whole(3, 200);
     Drift {

@@ -18,9 +18,11 @@ const BLOCK: u64 = 2 * GRADES.len() as u64;
 /// `[m]` a block shorter than this does not bring its driver on.
 const BLOCK_LEAST_M: f64 = 0.1;
 /// Rooms, and seconds in each, that tell one arbiter from another: for the expert, and for the driver that does not care, who
-/// gets into all the troubles there are.
+/// gets into more trouble.
 const PROBES: u64 = 2;
 const PROBE_S: f64 = 40.0;
+/// The arbiter's code without its comments.
+const ARBITER: &str = include_str!(concat!(env!("OUT_DIR"), "/arbiter.txt"));
 /// Seed of those rooms.
 const PROBE_SEED: u64 = 0x4c4f_4e47;
 /// Steps of the tube that a wish would have needed.
@@ -51,9 +53,9 @@ pub struct LongOptions<'a> {
     pub threads: usize,
 }
 
-/// Fingerprint of how arbiter and robot behave with this way of seeing: every command of a few drives, the arbiter's
-/// parameters, the robot and the time limit. Whatever changes what the robot is told there opens a new account; a comment
-/// does not.
+/// Fingerprint of the arbiter's code, of how the chain behaves with this way of seeing (twist and reason of every command of a
+/// few drives), of the arbiter's parameters, the robot and the time limit. Whatever changes one of these opens a new account;
+/// a comment does not.
 ///
 /// # Errors
 /// [`NavigateError`] where a model or a node refuses.
@@ -61,6 +63,7 @@ pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
     let mut bytes = options.robot.hash().to_le_bytes().to_vec();
     bytes.extend(options.limit_s.to_le_bytes());
     bytes.extend(format!("{:?}", sidestep_arbiter::Config::STANDARD).bytes());
+    bytes.extend(ARBITER.bytes());
     let drives = in_order(
         2 * PROBES as usize,
         options.threads,
@@ -72,7 +75,7 @@ pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
     Ok(format!("{:016x}", fingerprint(&bytes)))
 }
 
-/// Every command of one drive, as bytes.
+/// Twist and reason of every command of one drive, as bytes.
 fn probe(options: &LongOptions<'_>, number: u64, is_reckless: bool) -> Result<Vec<u8>, NavigateError> {
     let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: options.sight };
     let mut drive = Drive::new(setup(options.robot, &room(PROBE_SEED, number), conditions))?;

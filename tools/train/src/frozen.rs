@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0xcad1_3953_94be_d127,
+        content_hash: 0x20a4_daf0_6ddb_d1a8,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x6f76_a85e_8fa4_10cb,
+        content_hash: 0x2a4d_b466_2470_aa38,
     },
 ];
 

@@ -43,21 +43,25 @@ fn out_of_a_slot_it_backs_and_turns_towards_the_goal() {
     }
 }
 
-/// At the end of a slot, at rest against its wish: led out within half a second, though what is there was seen.
+/// At the end of a slot, against its wish: led out within half a second of the first refusal, though what is there was seen.
 #[test]
 fn who_is_refused_is_led_out_before_half_a_second_has_passed() {
     let mut stage = Stage::new(&CONFIG, &SLOT);
     stage.wish = Twist::new(0.5, 0.0);
-    let mut stood = 0;
-    while !is_led_out(&stage) {
-        tick_towards(&mut stage, [-1.0, 2.0]);
-        stood += u32::from(stage.twist.v_m_s.abs() < 0.01);
-        assert!(stood < 50, "{:?} {:?}", stage.pose, stage.command);
+    let mut refused = 0;
+    for _ in 0..300 {
+        let reason = tick_towards(&mut stage, [-1.0, 2.0]);
+        if is_led_out(&stage) {
+            break;
+        }
+        let stands = stage.command.twist.v_m_s.abs() < 0.01 && stage.twist.v_m_s.abs() < 0.01;
+        refused += u32::from(reason != Reason::Clear as u32 && stands);
+        assert!(refused < 50, "{:?} {:?}", stage.pose, stage.command);
     }
+    assert!(is_led_out(&stage), "{:?} {:?}", stage.pose, stage.command);
 }
 
-/// The slot is closed behind a robot that backs out of it: it gives the way up as soon as it stands, and does not begin it
-/// again.
+/// The slot is closed behind a robot that backs out of it: it gives the way up as soon as it stands, and begins no other.
 #[test]
 fn a_way_out_that_closes_is_given_up() {
     let mut stage = on_the_way();
@@ -69,7 +73,7 @@ fn a_way_out_that_closes_is_given_up() {
         assert!(stage.gap_m() > 0.0, "{:?}", stage.pose);
         led += u32::from(is_led_out(&stage) && stage.twist.v_m_s.abs() < 0.01);
     }
-    assert!((1..40).contains(&led), "{led} ticks");
+    assert!((1..40).contains(&led) && stage.arbiter.memory.recovery.ways_out().0 == 1, "{led} ticks");
 }
 
 /// Before a band of floor that nobody saw, without an inch seen beyond: it goes to where the camera sees the band, and looks.
@@ -124,7 +128,7 @@ fn no_way_out_is_driven_against_a_word_to_stop() {
     assert!(stage.twist.v_m_s.abs() < 0.01);
 }
 
-/// Carried back into the slot again and again, never to quite the same place: six ways out, then the rest that asks.
+/// Carried back into the slot again and again, never to quite the same place: ways out, at most six, then the rest that asks.
 #[test]
 fn who_is_put_back_is_not_led_out_for_ever() {
     let mut stage = Stage::new(&CONFIG, &SLOT);
@@ -145,7 +149,7 @@ fn who_is_put_back_is_not_led_out_for_ever() {
     assert!(asked && (2..=6).contains(&most), "{asked} {most}");
 }
 
-/// Something stands in the way for 2 s and leaves: the lead, which drives on at once, is not led anywhere.
+/// What bars the whole way for 2 s leaves: the lead, which drives on at once, is not led anywhere.
 #[test]
 fn who_waited_for_something_to_pass_is_left_alone() {
     let mut stage = Stage::new(&CONFIG, &[[0.4, -3.0, 0.6, 3.0]]);
