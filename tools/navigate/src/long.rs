@@ -302,10 +302,17 @@ mod tests {
         (refusals.stops, refusals.false_stops)
     }
 
+    /// Boxed in on all sides, since before a single wall there is a way out.
     #[test]
     fn a_stop_before_a_wall_is_a_true_one_and_a_free_way_has_none() {
-        let wall = Solid::wall([2.5, -3.0], [2.5, 3.0], 0.1, 2.0);
-        let (stops, false_stops) = refused(&[wall], Sight::Grid, Twist::new(0.8, 0.0));
+        let walls = [
+            [0.24, -1.0, 0.24, 1.0],
+            [-0.24, -1.0, -0.24, 1.0],
+            [-1.0, 0.38, 1.0, 0.38],
+            [-1.0, -0.38, 1.0, -0.38],
+        ];
+        let walls = walls.map(|[x, y, to_x, to_y]| Solid::wall([x, y], [to_x, to_y], 0.1, 2.0));
+        let (stops, false_stops) = refused(&walls, Sight::Grid, Twist::new(0.8, 0.0));
         assert!(stops > 0 && false_stops == 0, "{stops} {false_stops}");
         assert_eq!(refused(&[], Sight::Grid, Twist::new(0.8, 0.0)), (0, 0));
     }
