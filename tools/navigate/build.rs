@@ -1,6 +1,5 @@
 //! Gathers the arbiter's code without comments and tests, so that kilometres of one arbiter are not counted for another.
 
-use std::env::VarError;
 use std::io::{Error, Write};
 use std::path::{Path, PathBuf};
 
@@ -22,6 +21,6 @@ fn main() -> Result<(), Error> {
             code.push('\n');
         }
     }
-    let folder = std::env::var("OUT_DIR").map_err(|error: VarError| Error::other(error))?;
+    let folder = std::env::var("OUT_DIR").map_err(Error::other)?;
     std::fs::write(Path::new(&folder).join("arbiter.txt"), code)
 }

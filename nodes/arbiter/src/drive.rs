@@ -125,15 +125,19 @@ impl Arbiter {
         let is_small = |twist: Twist, part: f32| {
             part * twist.v_m_s.abs() < self.config.crawl_m_s && part * twist.w_rad_s.abs() < CRAWL_RAD_S
         };
-        let stands = is_small(filtered.motion.twist, 1.0);
-        match filtered.reason {
-            _ if is_small(question.wish, 1.0) => Answer::Moves,
-            Reason::Rotating => Answer::Turns,
-            Reason::Braking | Reason::Emergency if stands => Answer::Refuses(self.refused_by(filtered)),
-            Reason::Slowed if stands && is_small(question.wish, filtered.scale) => {
-                Answer::Refuses(self.refused_by(filtered))
-            }
-            _ => Answer::Moves,
+        let refuses = match filtered.reason {
+            Reason::Braking | Reason::Emergency => true,
+            Reason::Slowed => is_small(question.wish, filtered.scale),
+            _ => false,
+        };
+        if is_small(question.wish, 1.0) {
+            Answer::Moves
+        } else if filtered.reason == Reason::Rotating {
+            Answer::Turns
+        } else if refuses && is_small(filtered.motion.twist, 1.0) {
+            Answer::Refuses(self.refused_by(filtered))
+        } else {
+            Answer::Moves
         }
     }
 
@@ -151,7 +155,7 @@ impl Arbiter {
     /// What held a wish back. Proposers that both see no way are held back by what they see.
     fn held_back_by(&self, filtered: &Filtered, reason: Reason) -> HeldBack {
         match filtered.scale < FREE_SCALE {
-            true if self.space.is_unwatched(filtered.cell) => HeldBack::Unseen,
+            true if self.refused_by(filtered) == HeldBack::Unseen => HeldBack::Unseen,
             false if reason != Reason::UnfitProposals => HeldBack::Nothing,
             _ => HeldBack::Seen,
         }

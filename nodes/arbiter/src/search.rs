@@ -129,8 +129,8 @@ impl Filter<'_> {
         self.brake(question, Reason::Braking, cell)
     }
 
-    /// The answer where a direct sensor sees something right ahead that the map does not hold: a turn might swing a corner into
-    /// it, so the robot backs off.
+    /// The answer where the map is free but a direct sensor sees something right ahead: a turn might swing a corner into it, so the
+    /// robot backs off.
     fn back_off(&self, question: &Question, filtered: Filtered, escape: &mut Escape) -> Filtered {
         let may = question.ways == Ways::Escapes && question.from.twist.v_m_s.abs() < SLOW_M_S;
         let Some((motion, reason)) = may.then(|| self.back_up(question, escape)).flatten() else {
