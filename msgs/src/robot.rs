@@ -194,7 +194,7 @@ pub struct Actuator {
     /// `[m/s^2]` strongest braking the base shows.
     #[serde(deserialize_with = "sourced")]
     pub brake_max_m_s2: f32,
-    /// `[m/s]` error of the speed followed.
+    /// `[m/s]` error of the speed followed: faster or slower than told, never the other way.
     #[serde(deserialize_with = "sourced")]
     pub tracking_m_s: f32,
     /// `[rad/s]` error of the turn rate followed.
@@ -264,6 +264,7 @@ impl Robot {
     fn check(&self, path: &str) -> Result<(), RobotError> {
         let l = &self.limits;
         let a = &self.actuator;
+        let refused = |key, found, needed| Err(RobotError::Range { path: path.into(), key, found, needed });
         let positive = [
             ("limits.forward_m_s", l.forward_m_s, 3.0),
             ("limits.turn_rad_s", l.turn_rad_s, 6.0),
@@ -274,51 +275,37 @@ impl Robot {
             ("actuator.brake_min_m_s2", a.brake_min_m_s2, 10.0),
             ("actuator.watchdog_s", a.watchdog_s, 1.0),
         ];
-        for (key, found, most) in positive {
-            if !(found > 0.0 && found <= most) {
-                return Err(RobotError::Range {
-                    path: path.into(),
-                    key,
-                    found,
-                    needed: "more than 0 and physically sane",
-                });
-            }
+        if let Some((key, found, _)) =
+            positive.into_iter().find(|(_, found, most)| !(*found > 0.0 && found <= most))
+        {
+            return refused(key, found, "more than 0 and physically sane");
         }
-        if !(0.0..=3.0).contains(&self.start.mover_m_s) {
-            return Err(RobotError::Range {
-                path: path.into(),
-                key: "start.mover_m_s",
-                found: self.start.mover_m_s,
-                needed: "0 (a static world) to 3 m/s",
-            });
+        let not_negative = [
+            ("actuator.lag_s", a.lag_s, 1.0),
+            ("actuator.brake_max_m_s2", a.brake_max_m_s2, 20.0),
+            ("actuator.tracking_m_s", a.tracking_m_s, 1.0),
+            ("actuator.tracking_rad_s", a.tracking_rad_s, 1.0),
+        ];
+        if let Some((key, found, _)) =
+            not_negative.into_iter().find(|(_, found, most)| !(0.0..=*most).contains(found))
+        {
+            return refused(key, found, "0 or more and physically sane");
+        }
+        let mover_m_s = self.start.mover_m_s;
+        if !(0.0..=3.0).contains(&mover_m_s) {
+            return refused("start.mover_m_s", mover_m_s, "0 (a static world) to 3 m/s");
         }
         if !(a.dead_time_min_s >= 0.0 && a.dead_time_min_s <= a.dead_time_max_s && a.dead_time_max_s <= 0.5) {
             let needed = "dead_time_min_s <= dead_time_max_s <= 0.5 s";
-            return Err(RobotError::Range {
-                path: path.into(),
-                key: "actuator.dead_time_max_s",
-                found: a.dead_time_max_s,
-                needed,
-            });
+            return refused("actuator.dead_time_max_s", a.dead_time_max_s, needed);
         }
         let corners = self.footprint.polygon_m.len();
         if !(3..=8).contains(&corners) || self.half_width_m() <= 0.0 {
             let needed = "3 to 8 corners, counter-clockwise, round the axle";
-            return Err(RobotError::Range {
-                path: path.into(),
-                key: "footprint.polygon_m",
-                found: corners as f32,
-                needed,
-            });
+            return refused("footprint.polygon_m", corners as f32, needed);
         }
         if self.ultrasonic.len() > crate::RANGES_MAX {
-            let found = self.ultrasonic.len() as f32;
-            return Err(RobotError::Range {
-                path: path.into(),
-                key: "ultrasonic",
-                found,
-                needed: "at most 8 sensors",
-            });
+            return refused("ultrasonic", self.ultrasonic.len() as f32, "at most 8 sensors");
         }
         Ok(())
     }
@@ -398,6 +385,10 @@ mod tests {
             ("mover_m_s", "-0.1", "start.mover_m_s", "0 (a static world) to 3 m/s"),
             ("mover_m_s", "3.1", "start.mover_m_s", "0 (a static world) to 3 m/s"),
             ("mover_m_s", "nan", "start.mover_m_s", "0 (a static world) to 3 m/s"),
+            ("tracking_rad_s", "nan", "actuator.tracking_rad_s", "0 or more and physically sane"),
+            ("tracking_m_s", "-0.1", "actuator.tracking_m_s", "0 or more and physically sane"),
+            ("brake_max_m_s2", "inf", "actuator.brake_max_m_s2", "0 or more and physically sane"),
+            ("lag_s", "1.1", "actuator.lag_s", "0 or more and physically sane"),
             ("forward_m_s", "0.0", "limits.forward_m_s", "more than 0 and physically sane"),
             (
                 "dead_time_max_s",
