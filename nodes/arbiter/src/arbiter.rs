@@ -1,5 +1,6 @@
 //! One step: who wishes what, whether anything forbids it, how much of it is safe, and the command that says so.
 
+use crate::approach::Approach;
 use crate::clearance::{FreeSpace, Outline};
 use crate::config::{Config, ConfigError, Lead};
 use crate::inputs::Inputs;
@@ -35,6 +36,7 @@ pub(crate) struct Memory {
     pub(crate) selection: Selection,
     pub(crate) recovery: Recovery,
     pub(crate) escape: Escape,
+    pub(crate) approach: Approach,
     pub(crate) last: Motion,
     pub(crate) last_ns: u64,
     pub(crate) source_frame: u64,
@@ -213,6 +215,7 @@ impl Arbiter {
     /// Makes the command of graph time `now_ns`; `open_loop` = the sensors are a recording that no command can change.
     pub fn step(&mut self, now_ns: u64, open_loop: bool, out: &mut Command) -> Status {
         let dt_s = self.begin(now_ns, open_loop);
+        self.note_approach();
         let fault = self.memory.inputs.fault(now_ns, open_loop, &self.config, &self.robot);
         let (verdict, status) = match self.intent(fault, now_ns) {
             Intent::Stop { reason, status } => {
@@ -236,6 +239,7 @@ impl Arbiter {
         if memory.epoch != epoch {
             memory.epoch = epoch;
             memory.recovery = Recovery::zeroed();
+            memory.approach = Approach::zeroed();
         }
         if memory.begun == 0 {
             memory.begun = 1;

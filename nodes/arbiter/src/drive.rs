@@ -9,7 +9,7 @@ use crate::queue::{Pending, SENT_MAX};
 use crate::recovery::{Action, Answer, HeldBack, Moment};
 use crate::search::{Filter, Filtered, Question, Ways};
 use crate::select::Selected;
-use crate::tube::Situation;
+use crate::tube::{ERROR_M, Situation};
 use sidestep_msgs::{NO_CELL, Pose2, Reason, Twist, Winner, safety_frame};
 
 /// `[1]` a boxed-in robot drives on when this part of the wish is safe again.
@@ -206,6 +206,16 @@ impl Arbiter {
         rolls.abs() > 0.05 && sees(rolls.signum()).is_some_and(|seen| seen.emergency)
     }
 
+    /// Notes how much nearer the last motion led to what is too near.
+    pub(crate) fn note_approach(&mut self) {
+        let frame = safety_frame(&self.memory.inputs.map_base);
+        let pose = self.memory.inputs.odometry.pose;
+        let mut blocked = self.space.blocked;
+        self.outline.exempt(&heading(&frame, &pose), &self.space.unknown, &mut blocked);
+        let room_m = |pose: &Pose2| self.tube.room_m(&heading(&frame, pose), &blocked);
+        self.memory.approach.note(&pose, self.tube.full_margin_m(), room_m);
+    }
+
     /// What is the same for every candidate of this step, or `None` where the robot overlaps cells that are not free
     /// too deeply to say what is safe.
     pub(crate) fn situation(&self, now_ns: u64) -> Option<Situation> {
@@ -232,6 +242,7 @@ impl Arbiter {
             pending,
             pending_count,
             margin_m,
+            error_m: (ERROR_M - self.memory.approach.taken_m).max(0.0),
             old_margin_m: f32::NAN,
             blocked,
             old,

@@ -112,6 +112,9 @@ pub(crate) struct Stage {
     pub(crate) twist: Twist,
     pub(crate) dead_ns: u64,
     pub(crate) brake_m_s2: f32,
+    /// Error of the speed, faster or slower, and of the turn rate while it is told to move.
+    pub(crate) error: Twist,
+    told: Twist,
     pub(crate) wish: Twist,
     pub(crate) goal_status: Status,
     pub(crate) mute: Mute,
@@ -150,6 +153,8 @@ impl Stage {
             pose: Pose2::ORIGIN,
             twist: Twist::STOP,
             dead_ns: 40 * MS,
+            error: Twist::STOP,
+            told: Twist::STOP,
             wish: Twist::STOP,
             goal_status: Status::Ok,
             mute: Mute::default(),
@@ -164,11 +169,20 @@ impl Stage {
         Header { source_frame: self.frame, now_ns: self.now_ns, status: status as u32, ..Header::default() }
     }
 
+    /// The true velocity.
+    fn moving(&self) -> Twist {
+        let (v, w) = (self.twist.v_m_s, self.twist.w_rad_s);
+        let is = |told: f32| told.abs() > 1e-3;
+        let by = if is(self.told.v_m_s) { self.error.v_m_s } else { 0.0 };
+        let turn = if is(self.told.v_m_s) || is(self.told.w_rad_s) { self.error.w_rad_s } else { 0.0 };
+        Twist::new((v.abs() + by).max(0.0).copysign(v), w + turn)
+    }
+
     /// Odometry of the true state; its last bits never stand still.
     pub(crate) fn measure(&mut self) -> Odometry {
         self.dither += 1;
         let mut odometry =
-            Odometry { stamp_ns: self.now_ns, pose: self.pose, twist: self.twist, ..Odometry::default() };
+            Odometry { stamp_ns: self.now_ns, pose: self.pose, twist: self.moving(), ..Odometry::default() };
         odometry.pose.x_m += f64::from(self.dither % 2) * 1e-9;
         odometry
     }
@@ -242,24 +256,30 @@ impl Stage {
         let dt = by_ns as f32 * 1e-9;
         let known = self.sent.iter().rev().find(|(sent, _)| sent + self.dead_ns <= self.now_ns);
         let told = known.map_or(Twist::STOP, |(_, twist)| *twist);
+        self.told = told;
         let follow = 1.0 - libm::expf(-dt / self.robot.actuator.lag_s);
         let change = (told.v_m_s - self.twist.v_m_s) * follow;
         let slowing = change * self.twist.v_m_s < 0.0;
         let most = if slowing { self.brake_m_s2 * dt } else { f32::MAX };
         self.twist.v_m_s += change.clamp(-most, most);
         self.twist.w_rad_s += (told.w_rad_s - self.twist.w_rad_s) * follow;
-        self.pose = self.pose.advance(&self.twist, f64::from(dt));
+        self.pose = self.pose.advance(&self.moving(), f64::from(dt));
         self.now_ns += by_ns;
     }
 
-    /// No command comes any more: the base brakes by itself once the last one has run out, until it rests.
-    pub(crate) fn leave_alone(&mut self) {
+    /// No command comes any more: the base brakes by itself once the last one has run out, along its curve or each axis for
+    /// itself, until it rests.
+    pub(crate) fn leave_alone(&mut self, is_each_axis: bool) {
+        let turn_rad_s2 = self.robot.limits.turn_accelerate_rad_s2;
         for _ in 0..400 {
             let ran_out = self.command.valid_until_ns + self.dead_ns <= self.now_ns;
             if ran_out {
-                let slower = (self.twist.v_m_s.abs() - self.brake_m_s2 * 0.01).max(0.0);
-                let part = if self.twist.v_m_s.abs() > 1e-4 { slower / self.twist.v_m_s.abs() } else { 0.0 };
-                self.twist = Twist::new(self.twist.v_m_s * part, self.twist.w_rad_s * part);
+                self.told = Twist::STOP;
+                let Twist { v_m_s, w_rad_s } = self.twist;
+                let slower = (v_m_s.abs() - self.brake_m_s2 * 0.01).max(0.0);
+                let part = if v_m_s.abs() > 1e-4 { slower / v_m_s.abs() } else { 0.0 };
+                let turn = (w_rad_s.abs() - turn_rad_s2 * 0.01).max(0.0).copysign(w_rad_s);
+                self.twist = Twist::new(v_m_s * part, if is_each_axis { turn } else { w_rad_s * part });
                 self.pose = self.pose.advance(&self.twist, 0.01);
                 self.now_ns += TICK;
             } else {

@@ -55,11 +55,11 @@ impl Held {
         self.count > 0
     }
 
-    /// The cell to a part of which a pose would come nearer.
-    pub(crate) fn approached(&self, outline: &Outline, at: &Heading) -> Option<u32> {
+    /// The cell to a part of which a pose would come nearer than it may, by more than `error_m`.
+    pub(crate) fn approached(&self, outline: &Outline, at: &Heading, error_m: f32) -> Option<u32> {
         let nearer = |cell: &&Cell| {
             let beyond = beyond_m(outline, at, cell.place);
-            beyond.iter().zip(&cell.least_m).any(|(is, least)| is < least)
+            beyond.iter().zip(&cell.least_m).any(|(is, least)| *is < least - error_m)
         };
         let cell = self.cells[..self.count].iter().find(nearer)?;
         Some(cell_index(cell.place[0] as usize, cell.place[1] as usize))
@@ -109,7 +109,7 @@ mod tests {
             let (other, beside) = set(&mut rows, 0.0, 0.36);
             let held = Held::take(&outline, &at, 0.015, &mut rows).unwrap();
             assert!(held.is_any() && rows[row] >> bit & 1 == 0 && rows[other] >> beside & 1 == 1);
-            let nearer = |pose: &Heading| held.approached(&outline, pose).is_some();
+            let nearer = |pose: &Heading| held.approached(&outline, pose, 0.0).is_some();
             for (x_m, y_m, expected) in
                 [(0.0, 0.0, false), (0.1, 0.0, false), (0.0, -0.02, false), (0.0, 0.002, true)]
             {
@@ -120,6 +120,11 @@ mod tests {
                     at.y_m
                 );
             }
+            // Where errors are granted something, so much nearer and no more.
+            for (y_m, expected) in [(0.002, false), (0.004, true)] {
+                let pose = Heading { y_m: at.y_m + y_m, ..at };
+                assert_eq!(held.approached(&outline, &pose, 0.003).is_some(), expected, "{} {y_m}", at.y_m);
+            }
             let (sin, cos) = libm::sincosf(0.02);
             assert!(nearer(&Heading { sin, cos, ..at }));
         }
@@ -129,7 +134,7 @@ mod tests {
     fn a_robot_near_nothing_holds_nothing_and_one_in_the_midst_of_too_much_is_not_said_to_be_safe() {
         let outline = Outline::new(&loomo()).unwrap();
         let held = Held::take(&outline, &HERE, 0.015, &mut [0; SAFETY_SIDE]).unwrap();
-        assert!(!held.is_any() && held.approached(&outline, &HERE).is_none());
+        assert!(!held.is_any() && held.approached(&outline, &HERE, 0.0).is_none());
         assert!(Held::take(&outline, &HERE, 0.3, &mut [u128::MAX; SAFETY_SIDE]).is_none());
     }
 

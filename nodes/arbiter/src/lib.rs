@@ -8,6 +8,7 @@
 //! bytes of any input can make it panic.
 
 mod ahead;
+mod approach;
 mod arbiter;
 mod clearance;
 mod config;

@@ -1,16 +1,16 @@
 //! Where a command leads until the robot rests: the measured state through the commands on their way, the candidate,
 //! then the brake, swept with the footprint over the known-free cells.
 //!
-//! Every member of the identified set gives another path; the corners of dead time and braking and one interior
-//! member are simulated, the tracking error widens them. An answer is exact for what it simulates: each checked pose
-//! asks for every cell under the widened outline, and poses lie no farther apart than the gap the widening covers.
+//! Every member of the identified set gives another path; most of its corners and an interior one are simulated ([`members`]).
+//! An answer is exact for what it simulates: each checked pose asks for every cell under the widened outline, and poses
+//! lie no farther apart than the gap the widening covers.
 
 use crate::clearance::{FreeSpace, Heading, Outline, Rows};
 use crate::config::Config;
 use crate::held::Held;
 use crate::limits::{Limiter, Motion};
 use crate::queue::{Pending, SENT_MAX};
-use crate::rollout::{Brake, Course, Member, Rollout, STEP_S, STEPS_MAX};
+use crate::rollout::{Brake, Course, Member, Rollout, STEP_S, STEPS_MAX, Stop};
 use sidestep_msgs::{NO_CELL, Robot, Twist};
 
 /// `[m]` longest motion between two looks of a robot that has no more than the least margin, and of one that holds cells.
@@ -18,8 +18,11 @@ const NEAR_GAP_M: f32 = 0.002;
 const HELD_GAP_M: f32 = 0.004;
 /// `[m]` that rounding may take.
 const ROUNDING_M: f32 = 1e-4;
-/// `[m]` most by which the error of the turn rate widens the footprint along the path.
-const TURN_ERROR_MOST_M: f32 = 0.015;
+/// `[m]` that the errors of speed and turn rate may take of a widening that is not the full one, and of what is held.
+pub(crate) const ERROR_M: f32 = 0.003;
+/// Members that come to rest last, and the others.
+const FARTHEST: usize = 4;
+const OTHERS: usize = 16;
 
 /// What is true at a step for every candidate.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +43,9 @@ pub(crate) struct Situation {
     pub(crate) pending_count: usize,
     /// `[m]` widening of the footprint that is free where the robot is; less than the full margin beside an obstacle.
     pub(crate) margin_m: f32,
-    /// `[m]` the same for cells seen lately.
+    /// `[m]` what errors of speed and turn rate may still take of it.
+    pub(crate) error_m: f32,
+    /// `[m]` the same widening for cells seen lately.
     pub(crate) old_margin_m: f32,
     /// Cells not known free, without those under the robot.
     pub(crate) blocked: Rows,
@@ -81,9 +86,9 @@ impl Hit {
 /// Sweeps candidates over the free space.
 #[derive(Debug, Clone)]
 pub(crate) struct Tube {
-    /// The member that comes to rest last: it fails soonest.
-    longest: [Member; 1],
-    others: [Member; 4],
+    /// The members that go farthest: they fail soonest.
+    farthest: [Member; FARTHEST],
+    others: [Member; OTHERS],
     outline: Outline,
     limiter: Limiter,
     robot: Robot,
@@ -100,18 +105,11 @@ pub(crate) struct Tube {
 impl Tube {
     pub(crate) fn new(config: &Config, robot: &Robot, outline: &Outline) -> Self {
         let a = &robot.actuator;
-        let (soon, late) = (a.dead_time_min_s, a.dead_time_max_s);
-        let strong = a.brake_max_m_s2.max(a.brake_min_m_s2);
-        let member = |dead_s, brake_m_s2| Member { dead_s, brake_m_s2 };
+        let members = members(robot, config.hold_s);
         let ratio = STEP_S / a.lag_s.max(1e-4);
         Self {
-            longest: [member(late, a.brake_min_m_s2)],
-            others: [
-                member(soon, strong),
-                member(soon, a.brake_min_m_s2),
-                member(late, strong),
-                member(0.5 * (soon + late), 0.5 * (a.brake_min_m_s2 + strong)),
-            ],
+            farthest: std::array::from_fn(|k| members[k]),
+            others: std::array::from_fn(|k| members[FARTHEST + k]),
             outline: outline.clone(),
             limiter: Limiter::new(&robot.limits),
             robot: robot.clone(),
@@ -119,7 +117,7 @@ impl Tube {
             follow: (ratio / (1.0 + 0.5 * ratio)).min(1.0),
             hold_s: config.hold_s,
             gap_m: config.gap_m,
-            full_margin_m: config.margin_m + 0.5 * config.gap_m,
+            full_margin_m: config.margin_m + 0.5 * config.gap_m + ERROR_M,
             least_margin_m: config.margin_m - ROUNDING_M,
             overlap_m: config.overlap_m,
         }
@@ -149,7 +147,7 @@ impl Tube {
             return self.full_margin_m;
         }
         let (mut low, mut high) = (least_m, self.full_margin_m);
-        for _ in 0..5 {
+        for _ in 0..10 {
             let middle = 0.5 * (low + high);
             if free(middle) {
                 low = middle;
@@ -158,6 +156,11 @@ impl Tube {
             }
         }
         low
+    }
+
+    /// `[m]` the same where the robot may overlap cells, as deeply as it may.
+    pub(crate) fn room_m(&self, at: &Heading, blocked: &Rows) -> f32 {
+        self.margin_at(at, blocked, -self.overlap_m)
     }
 
     /// Sweeps a candidate for every member.
@@ -170,60 +173,54 @@ impl Tube {
         space: &FreeSpace,
         candidate: &Candidate,
     ) -> Result<(), Hit> {
+        self.sweep(situation, space, candidate, &self.farthest)?;
+        self.sweep(situation, space, candidate, &self.others)
+    }
+
+    /// Sweeps members side by side; of what they hit, the answer is what is hit first.
+    fn sweep<const N: usize>(
+        &self,
+        situation: &Situation,
+        space: &FreeSpace,
+        candidate: &Candidate,
+        members: &[Member; N],
+    ) -> Result<(), Hit> {
         let course = Course {
             situation,
             twist: candidate.motion.twist,
             hold_s: self.hold_s,
             follow: self.follow,
-            tracking_m_s: self.robot.actuator.tracking_m_s,
             radius_m: self.outline.radius_m(self.full_margin_m),
             // What moves comes nearer by itself.
             nearer_m: if situation.movers { space.movers.speed_m_s() * STEP_S } else { 0.0 },
         };
         let mut brake = Brake::new(candidate, &self.limiter, &self.robot);
-        self.sweep(&course, space, candidate, &mut brake, &self.longest)?;
-        self.sweep(&course, space, candidate, &mut brake, &self.others)
-    }
-
-    /// Sweeps members side by side; of several that fail, the first one's hit is the answer.
-    fn sweep<const N: usize>(
-        &self,
-        course: &Course<'_>,
-        space: &FreeSpace,
-        candidate: &Candidate,
-        brake: &mut Brake,
-        members: &[Member; N],
-    ) -> Result<(), Hit> {
         let look = |rollout: &Rollout<'_, N>, member: usize, time_s: f32| {
-            let (at, path_m) = (rollout.at(member), rollout.path_m[member]);
-            self.allowance(course.situation, space, candidate, &at, time_s, path_m)
+            let error_m = if members[member].is_faithful() { 0.0 } else { situation.error_m };
+            self.allowance(situation, space, candidate, &rollout.at(member), time_s, error_m)
         };
-        let mut rollout = Rollout::new(course, members);
+        let mut rollout = Rollout::new(&course, members);
         // The start is checked too: a map may have come since.
         let (mut moved_m, mut allowed_m) = ([0.0f32; N], [-1.0f32; N]);
         let mut rests = [false; N];
-        let (mut asked, mut found) = (N, Ok(()));
         for step in 0..STEPS_MAX {
             let time_s = step as f32 * STEP_S;
-            let (command_m_s, command_rad_s) = rollout.commands(time_s, brake);
+            let (command_m_s, command_rad_s) = rollout.commands(time_s, &mut brake);
             for member in 0..N {
-                if member >= asked || rests[member] {
+                if rests[member] {
                     continue;
                 }
                 // Looked at before the next step would pass what is allowed; NaN looks at every pose.
                 let goes_on = moved_m[member] + rollout.step_m[member] <= allowed_m[member];
                 let is_told = command_m_s[member] == 0.0 && command_rad_s[member] == 0.0;
                 let is_last = is_told && rollout.rests(member);
-                if goes_on && !is_last {
-                    continue;
-                }
-                match look(&rollout, member, time_s) {
-                    Ok(may_m) => (moved_m[member], allowed_m[member], rests[member]) = (0.0, may_m, is_last),
-                    Err(hit) => (asked, found) = (member, Err(hit)),
+                if !goes_on || is_last {
+                    let may_m = look(&rollout, member, time_s)?;
+                    (moved_m[member], allowed_m[member], rests[member]) = (0.0, may_m, is_last);
                 }
             }
-            if rests[..asked].iter().all(|rests| *rests) {
-                return found;
+            if rests.iter().all(|rests| *rests) {
+                return Ok(());
             }
             rollout.advance(&command_m_s, &command_rad_s);
             moved_m.iter_mut().zip(&rollout.step_m).for_each(|(moved_m, step_m)| *moved_m += step_m);
@@ -239,23 +236,25 @@ impl Tube {
         candidate: &Candidate,
         at: &Heading,
         time_s: f32,
-        path_m: f32,
+        error_m: f32,
     ) -> Result<f32, Hit> {
-        let mut margin_m = if candidate.lately_seen { situation.old_margin_m } else { situation.margin_m };
-        if margin_m >= self.full_margin_m {
-            let error_m = 0.5 * self.robot.actuator.tracking_rad_s * time_s * path_m;
-            margin_m += error_m.min(TURN_ERROR_MOST_M);
-        }
+        let margin_m = situation.margin_m - error_m;
         let slack_m = space.clearance_m(at.x_m, at.y_m) - self.outline.radius_m(margin_m);
-        let mut allowed_m = if !candidate.lately_seen && slack_m >= self.gap_m {
+        let mut allowed_m = if slack_m >= self.gap_m {
             slack_m
         } else {
-            let rows = if candidate.lately_seen { &situation.old } else { &situation.blocked };
-            let hit = self.outline.blocked(at, margin_m, rows);
-            hit.map_or(Ok(self.look_m(margin_m)), |cell| Err(Hit::standing(cell)))?
+            let hit = self.outline.blocked(at, margin_m, &situation.blocked);
+            hit.map_or(Ok(self.look_m(situation.margin_m)), |cell| Err(Hit::standing(cell)))?
         };
+        if candidate.lately_seen {
+            let margin_m = (situation.old_margin_m - error_m).max(0.0);
+            let hit = self.outline.blocked(at, margin_m, &situation.old);
+            let may_m =
+                hit.map_or(Ok(self.look_m(situation.old_margin_m)), |cell| Err(Hit::standing(cell)))?;
+            allowed_m = allowed_m.min(may_m);
+        }
         if situation.held.is_any() {
-            if let Some(cell) = situation.held.approached(&self.outline, at) {
+            if let Some(cell) = situation.held.approached(&self.outline, at, error_m) {
                 return Err(Hit::standing(cell));
             }
             allowed_m = allowed_m.min(HELD_GAP_M);
@@ -283,5 +282,138 @@ impl Tube {
         let rows = space.movers.reached(gone_m + self.gap_m).map_err(moving)?;
         let hit = self.outline.blocked(at, margin_m, rows);
         hit.map_or(Ok(self.gap_m), |cell| Err(moving(cell)))
+    }
+}
+
+/// The members of the identified set that are simulated: those that come to rest last first, and those that are told the
+/// same one after the other. Whoever brakes harder is at rest before an error has led him as far. A base left alone stops
+/// when the candidate runs out, or later by the longest dead time, its turn at once or slowly. An error that changes sides
+/// midway leads the rear of the Loomo up to 5 mm farther aside than either side alone: the margin takes that.
+fn members(robot: &Robot, hold_s: f32) -> [Member; FARTHEST + OTHERS] {
+    let a = &robot.actuator;
+    let (soon_s, late_s) = (a.dead_time_min_s, a.dead_time_max_s);
+    let (weak, strong) = (a.brake_min_m_s2, a.brake_max_m_s2.max(a.brake_min_m_s2));
+    let (v, w) = (a.tracking_m_s, a.tracking_rad_s);
+    let told = |dead_s, brake_m_s2| Member {
+        dead_s,
+        brake_m_s2,
+        error_m_s: 0.0,
+        error_rad_s: 0.0,
+        stop: Stop::Told,
+    };
+    let errs = |member, error_m_s, error_rad_s| Member { error_m_s, error_rad_s, ..member };
+    let (at_once, slowly) = (f32::MAX, robot.limits.turn_accelerate_rad_s2);
+    let alone =
+        |member, after_s, turn_rad_s2| Member { stop: Stop::Alone { after_s, turn_rad_s2 }, ..member };
+    let (late, soon) = (told(late_s, weak), told(soon_s, weak));
+    let last = alone(late, hold_s + late_s, slowly);
+    [
+        late,
+        errs(late, v, w),
+        errs(late, v, -w),
+        last,
+        errs(late, -v, w),
+        errs(late, -v, -w),
+        soon,
+        errs(soon, v, w),
+        errs(soon, v, -w),
+        told(late_s, strong),
+        told(soon_s, strong),
+        told(0.5 * (soon_s + late_s), 0.5 * (weak + strong)),
+        errs(last, v, w),
+        errs(last, v, -w),
+        alone(late, hold_s + late_s, at_once),
+        alone(late, hold_s, slowly),
+        alone(soon, hold_s, slowly),
+        alone(soon, hold_s, at_once),
+        alone(told(late_s, strong), hold_s + late_s, slowly),
+        alone(told(soon_s, strong), hold_s, slowly),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::{Stage, TICK, loomo};
+    use proptest::prelude::*;
+    use sidestep_msgs::SAFETY_SIDE;
+
+    fn all() -> Vec<Member> {
+        members(&loomo(), Config::STANDARD.hold_s).to_vec()
+    }
+
+    /// To whichever side a member errs, another errs as much to the other; none is simulated twice.
+    #[test]
+    fn the_members_are_different_ones_and_mirrored() {
+        let all = all();
+        for (number, member) in all.iter().enumerate() {
+            assert!(!all[..number].contains(member), "{member:?}");
+            let mirrored = Member { error_rad_s: -member.error_rad_s, ..*member };
+            assert!(all.contains(&mirrored), "{member:?}");
+        }
+        let a = loomo().actuator;
+        let ends = |of: fn(&Member) -> f32| {
+            all.iter().map(of).fold((f32::MAX, f32::MIN), |(least, most), it| (least.min(it), most.max(it)))
+        };
+        assert_eq!(ends(|member| member.dead_s), (a.dead_time_min_s, a.dead_time_max_s));
+        assert_eq!(ends(|member| member.brake_m_s2), (a.brake_min_m_s2, a.brake_max_m_s2));
+        assert_eq!(ends(|member| member.error_m_s), (-a.tracking_m_s, a.tracking_m_s));
+        assert_eq!(ends(|member| member.error_rad_s), (-a.tracking_rad_s, a.tracking_rad_s));
+    }
+
+    /// What errors may take, and half of the way between two looks, leave the margin where nothing is near.
+    #[test]
+    fn the_full_widening_leaves_the_margin() {
+        let (robot, config) = (loomo(), Config::STANDARD);
+        let tube = Tube::new(&config, &robot, &Outline::new(&robot).unwrap());
+        let left_m = tube.full_margin_m - ERROR_M - 0.5 * tube.look_m(tube.full_margin_m);
+        assert!((left_m - config.margin_m).abs() < 1e-6, "{left_m}");
+    }
+
+    /// Backward, what was not seen lately is not entered by 2 mm, whatever errors may take of a widening.
+    #[test]
+    fn errors_take_nothing_where_there_is_no_widening() {
+        let mut stage = Stage::new(&Config::STANDARD, &[]);
+        stage.ticks(10);
+        let tube = &stage.arbiter.tube;
+        let mut situation = stage.arbiter.situation(stage.now_ns - TICK).unwrap();
+        situation.old_margin_m = 0.0;
+        situation.old = [0; SAFETY_SIDE];
+        // The cell from 0.30 m to the left on, beside the axle.
+        situation.old[SAFETY_SIDE / 2] = 1 << (SAFETY_SIDE / 2 + 6);
+        let motion = Motion::steady(Twist::new(-0.1, 0.0));
+        let candidate = Candidate { motion, comfort: true, lately_seen: true };
+        for (beyond_m, is_free) in [(-0.002, true), (0.002, false)] {
+            let y_m = 0.30 + beyond_m - loomo().half_width_m();
+            let at = Heading { x_m: 0.0, y_m, cos: 1.0, sin: 0.0 };
+            let found = tube.allowance(&situation, &stage.arbiter.space, &candidate, &at, 0.0, ERROR_M);
+            assert_eq!(found.is_ok(), is_free, "{beyond_m}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// A candidate is free where it is so for each member alone, in a lane beside a post.
+        #[test]
+        fn a_candidate_is_free_where_every_member_alone_is(
+            (post_x, post_y) in (0.2f64..1.5, 0.2f64..0.8),
+            lane in 0.36f64..1.0,
+            first in (0.0f32..1.0, -1.0f32..1.0),
+            (v, w) in (0.0f32..1.0, -1.5f32..1.5),
+        ) {
+            let post = [post_x, post_y, post_x + 0.03, post_y + 0.03];
+            let mut stage = Stage::new(&Config::STANDARD, &[post, [-3.0, -lane - 1.0, 3.0, -lane]]);
+            stage.wish = Twist::new(first.0, first.1);
+            stage.ticks(60);
+            let (arbiter, now_ns) = (&stage.arbiter, stage.now_ns - TICK);
+            let Some(situation) = arbiter.situation(now_ns) else { return Ok(()) };
+            let motion = Motion::steady(Twist::new(v, w));
+            let candidate = Candidate { motion, comfort: true, lately_seen: false };
+            let tube = &arbiter.tube;
+            let together = tube.check(&situation, &arbiter.space, &candidate);
+            let free = |member: &Member| tube.sweep(&situation, &arbiter.space, &candidate, &[*member]).is_ok();
+            prop_assert_eq!(together.is_ok(), all().iter().all(free));
+        }
     }
 }

@@ -95,8 +95,9 @@ impl Base {
         self.pose = self.pose.advance(&self.twist(), dt_s);
     }
 
-    /// The true velocity.
+    /// The true velocity; no error of the speed turns the motion round.
     pub(crate) fn twist(&self) -> Twist {
-        Twist::new((self.v_m_s + self.error[0]) as f32, (self.w_rad_s + self.error[1]) as f32)
+        let speed_m_s = (self.v_m_s.abs() + self.error[0]).max(0.0);
+        Twist::new(speed_m_s.copysign(self.v_m_s) as f32, (self.w_rad_s + self.error[1]) as f32)
     }
 }

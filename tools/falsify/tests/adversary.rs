@@ -37,6 +37,18 @@ fn nothing_is_touched_while_the_assumptions_hold_and_threads_have_no_influence()
     assert_eq!(again, worst.outcome);
 }
 
+/// What once was a contact stays none.
+#[test]
+fn what_was_found_is_closed() {
+    let cases = || include_str!("found.txt").lines().filter(|line| !line.starts_with('#'));
+    assert_eq!(cases().count(), 2);
+    for (number, word) in cases().enumerate() {
+        let case = Case::from_word(word).unwrap();
+        let outcome = Evaluator::new(&loomo()).unwrap().evaluate(&case, &mut |_| ()).unwrap();
+        assert_eq!(outcome.contact, None, "case {number}");
+    }
+}
+
 /// Each assumption alone, at most four climbs.
 #[test]
 fn every_assumption_is_needed() {

@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x20a4_daf0_6ddb_d1a8,
+        content_hash: 0x9c55_2fa4_210e_39a8,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x2a4d_b466_2470_aa38,
+        content_hash: 0x2d09_4850_16d1_2490,
     },
 ];
 

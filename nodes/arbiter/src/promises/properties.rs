@@ -43,8 +43,11 @@ proptest! {
         plan in prop::collection::vec(wishes(), 1..6),
         dead_ms in 20u64..80,
         brake in 0.45f32..1.2,
+        error in (-0.02f32..0.02, -0.05f32..0.05),
+        is_each_axis in any::<bool>(),
     ) {
         let mut stage = Stage::new(&CONFIG, &solids);
+        stage.error = Twist::new(error.0, error.1);
         stage.dead_ns = dead_ms * MS;
         stage.brake_m_s2 = brake;
         for wish in plan {
@@ -54,7 +57,7 @@ proptest! {
                 prop_assert!(stage.gap_m() > 0.0, "{:?} {:?}", stage.pose, stage.command);
             }
         }
-        stage.leave_alone();
+        stage.leave_alone(is_each_axis);
         prop_assert!(stage.gap_m() > 0.0, "left alone: {:?}", stage.pose);
     }
 
