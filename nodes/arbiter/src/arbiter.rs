@@ -182,6 +182,8 @@ impl Arbiter {
         let obeyed = self.memory.operator.obey(message, at_rest, self.config.resume);
         if matches!(obeyed, Some(EstopAction::Reset | EstopAction::Resume)) {
             self.memory.recovery.forgive();
+            // Somebody has looked how near it is.
+            self.memory.approach = Approach::zeroed();
             self.memory.inputs.forgive_frozen();
             let memory = &mut self.memory;
             memory.inputs.release_teleop(memory.last_ns, self.config.teleop_age_s);
