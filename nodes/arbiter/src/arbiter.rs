@@ -217,7 +217,6 @@ impl Arbiter {
     /// Makes the command of graph time `now_ns`; `open_loop` = the sensors are a recording that no command can change.
     pub fn step(&mut self, now_ns: u64, open_loop: bool, out: &mut Command) -> Status {
         let dt_s = self.begin(now_ns, open_loop);
-        self.note_approach();
         let fault = self.memory.inputs.fault(now_ns, open_loop, &self.config, &self.robot);
         let (verdict, status) = match self.intent(fault, now_ns) {
             Intent::Stop { reason, status } => {

@@ -206,25 +206,18 @@ impl Arbiter {
         rolls.abs() > 0.05 && sees(rolls.signum()).is_some_and(|seen| seen.emergency)
     }
 
-    /// Notes how much nearer the last motion led to what is too near.
-    pub(crate) fn note_approach(&mut self) {
-        let frame = safety_frame(&self.memory.inputs.map_base);
-        let pose = self.memory.inputs.odometry.pose;
-        let mut blocked = self.space.blocked;
-        self.outline.exempt(&heading(&frame, &pose), &self.space.unknown, &mut blocked);
-        let room_m = |pose: &Pose2| self.tube.room_m(&heading(&frame, pose), &blocked);
-        self.memory.approach.note(&pose, self.tube.full_margin_m(), room_m);
-    }
-
     /// What is the same for every candidate of this step, or `None` where the robot overlaps cells that are not free
-    /// too deeply to say what is safe.
-    pub(crate) fn situation(&self, now_ns: u64) -> Option<Situation> {
+    /// too deeply to say what is safe. Notes how much nearer the last motion led.
+    pub(crate) fn situation(&mut self, now_ns: u64) -> Option<Situation> {
         let inputs = &self.memory.inputs;
         let odometry = &inputs.odometry;
-        let at = heading(&safety_frame(&inputs.map_base), &odometry.pose);
+        let frame = safety_frame(&inputs.map_base);
+        let at = heading(&frame, &odometry.pose);
         let (mut blocked, mut old) = (self.space.blocked, self.space.old);
         self.outline.exempt(&at, &self.space.unknown, &mut blocked);
         let taken = blocked;
+        let room_m = |pose: &Pose2| self.tube.room_m(&heading(&frame, pose), &taken);
+        self.memory.approach.note(&odometry.pose, self.tube.full_margin_m(), room_m);
         let held = self.tube.hold(&at, &mut blocked)?;
         // What the robot stands on it does not see: where nothing is held it is free, however long ago it was seen.
         let under = self.outline.overlapped(&at, 0.0, &old);

@@ -260,7 +260,7 @@ impl<'a, const N: usize> Rollout<'a, N> {
             let drives = command_m_s[k].abs() > TOLD;
             let moves = drives | (command_rad_s[k].abs() > TOLD);
             let speed_m_s = v.abs() + if drives { error_m_s } else { 0.0 };
-            let speed_m_s = if speed_m_s > 0.0 { speed_m_s } else { 0.0 };
+            let speed_m_s = if speed_m_s < 0.0 { 0.0 } else { speed_m_s };
             length_m[k] = speed_m_s.copysign(v) * STEP_S;
             turn_rad[k] = (self.w_rad_s[k] + if moves { error_rad_s } else { 0.0 }) * STEP_S;
             self.step_m[k] = length_m[k].abs() + turn_rad[k].abs() * radius_m + nearer_m;

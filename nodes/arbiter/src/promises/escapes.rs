@@ -366,6 +366,7 @@ fn who_comes_back_to_a_gap_is_not_led_on_for_ever() {
     }
     assert_eq!(times, 2);
 }
+
 /// Half a minute to and fro beside a wall, by hand or not, on a base that errs to one side all the time: what its errors
 /// may take of the way to the wall they take once, and once more at an operator's word.
 #[test]
