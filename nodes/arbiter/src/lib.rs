@@ -21,6 +21,7 @@ mod held;
 mod inputs;
 mod limits;
 mod maneuver;
+mod member;
 mod movers;
 mod node;
 mod operator;

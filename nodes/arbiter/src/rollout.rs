@@ -5,68 +5,28 @@
 
 use crate::clearance::Heading;
 use crate::limits::Limiter;
+use crate::member::{Fours, LANES, Member, Stop};
 use crate::tube::{Candidate, Situation};
 use sidestep_msgs::{Robot, Twist};
+use wide::f32x4;
 
 /// `[s]` one step of the simulation.
 pub(crate) const STEP_S: f32 = 0.01;
 /// Most steps: 8 s, longer than any stop the limits allow.
 pub(crate) const STEPS_MAX: usize = 800;
+/// Steps that are made before the first of them is looked at: what reads a whole register waits where its numbers were just
+/// written one by one.
+pub(crate) const STRIDE: usize = 8;
+const _: () = assert!(STEPS_MAX.is_multiple_of(STRIDE));
 /// `[m/s]` and [rad/s]: slower is rest.
 const REST_M_S: f32 = 0.005;
 const REST_RAD_S: f32 = 0.01;
 /// `[m/s]` and [rad/s]: whoever is told less is told to rest, and does so without an error.
 const TOLD: f32 = 1e-3;
+/// `[m/s]` and [rad/s]: less is nothing.
+const TINY: f32 = 1e-9;
 /// `[rad]` half of the turn of one step up to which a short series gives sine and cosine.
 const SMALL_RAD: f32 = 0.1;
-
-/// How a member comes to rest once the candidate has run out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Stop {
-    /// The arbiter commands it, along the curve.
-    Told,
-    /// Nobody does: each axis stops for itself.
-    Alone {
-        /// `[s]` from when the candidate was sent.
-        after_s: f32,
-        /// `[rad/s^2]` fastest change of its turn rate.
-        turn_rad_s2: f32,
-    },
-}
-
-/// A member of the identified set of the actuator.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Member {
-    /// `[s]` dead time.
-    pub(crate) dead_s: f32,
-    /// `[m/s^2]` strongest deceleration.
-    pub(crate) brake_m_s2: f32,
-    /// `[m/s]` how much faster it drives than told to, or slower, but not the other way.
-    pub(crate) error_m_s: f32,
-    /// `[rad/s]` error of its turn rate while it is told to move.
-    pub(crate) error_rad_s: f32,
-    pub(crate) stop: Stop,
-}
-
-impl Member {
-    /// Whether it follows without errors what it is told.
-    pub(crate) fn is_faithful(&self) -> bool {
-        self.error_m_s == 0.0 && self.error_rad_s == 0.0
-    }
-
-    /// Whether two are told the same at the same times.
-    fn is_told_like(&self, other: &Self) -> bool {
-        self.dead_s.to_bits() == other.dead_s.to_bits() && self.stop == other.stop
-    }
-
-    /// `[rad/s]` most that its turn rate changes within a step.
-    fn turn_most_rad_s(&self) -> f32 {
-        match self.stop {
-            Stop::Told => f32::MAX,
-            Stop::Alone { turn_rad_s2, .. } => turn_rad_s2 * STEP_S,
-        }
-    }
-}
 
 /// The braking commands that follow a candidate, in steps of [`STEP_S`].
 pub(crate) struct Brake {
@@ -144,166 +104,234 @@ pub(crate) struct Course<'a> {
     pub(crate) nearer_m: f32,
 }
 
-/// Members on their way, in columns. Some of them are at rest already, and are carried along.
-pub(crate) struct Rollout<'a, const N: usize> {
-    course: &'a Course<'a>,
-    members: &'a [Member; N],
-    /// Whether a member is told what the one before it is told.
-    is_told_like: [bool; N],
-    brake_m_s2: [f32; N],
-    error_m_s: [f32; N],
-    error_rad_s: [f32; N],
-    turn_most_rad_s: [f32; N],
-    x_m: [f32; N],
-    y_m: [f32; N],
-    cos: [f32; N],
-    sin: [f32; N],
-    v_m_s: [f32; N],
-    w_rad_s: [f32; N],
-    /// How many of the commands on their way have arrived, and steps of the brake.
-    arrived: [usize; N],
-    braked: [usize; N],
-    /// `[m]` most that a point of the footprint moved in the last step.
-    pub(crate) step_m: [f32; N],
+/// What four members are told at a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Told {
+    pub(crate) v_m_s: f32x4,
+    w_rad_s: f32x4,
+    /// All bits of a member whose stop has begun, none of another.
+    stops: f32x4,
 }
 
-impl<'a, const N: usize> Rollout<'a, N> {
-    pub(crate) fn new(course: &'a Course<'a>, members: &'a [Member; N]) -> Self {
-        let Situation { at, twist, .. } = course.situation;
+/// Where a step of four members begins.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Begin {
+    x_m: f32x4,
+    y_m: f32x4,
+    cos: f32x4,
+    sin: f32x4,
+    /// `[m]` most that a point of the footprint moved in the step before; infinite for who has come to rest.
+    pub(crate) moved_m: f32x4,
+    /// All bits of a member that has come to rest at the end of its stop.
+    rests: f32x4,
+}
+
+impl Begin {
+    pub(crate) fn at(&self, lane: usize) -> Heading {
+        let of = |column: &f32x4| column.as_array()[lane];
+        Heading { x_m: of(&self.x_m), y_m: of(&self.y_m), cos: of(&self.cos), sin: of(&self.sin) }
+    }
+
+    pub(crate) fn rests(&self, lane: usize) -> bool {
+        self.rests.as_array()[lane].to_bits() != 0
+    }
+}
+
+/// Four members on their way.
+#[derive(Debug, Clone, Copy)]
+struct Four {
+    x_m: f32x4,
+    y_m: f32x4,
+    cos: f32x4,
+    sin: f32x4,
+    v_m_s: f32x4,
+    w_rad_s: f32x4,
+    moved_m: f32x4,
+    /// `[m/s]` and [rad/s] most that braking and turn rate change within a step.
+    brake_m_s: f32x4,
+    turn_rad_s: f32x4,
+    error_m_s: f32x4,
+    error_rad_s: f32x4,
+}
+
+impl Four {
+    fn new(situation: &Situation, members: &[Member; LANES]) -> Self {
+        let Situation { at, twist, .. } = situation;
+        let each = |of: fn(&Member) -> f32| f32x4::new(members.each_ref().map(of));
+        Self {
+            x_m: f32x4::splat(at.x_m),
+            y_m: f32x4::splat(at.y_m),
+            cos: f32x4::splat(at.cos),
+            sin: f32x4::splat(at.sin),
+            v_m_s: f32x4::splat(twist.v_m_s),
+            w_rad_s: f32x4::splat(twist.w_rad_s),
+            moved_m: f32x4::ZERO,
+            brake_m_s: each(|member| member.brake_m_s2 * STEP_S),
+            turn_rad_s: each(|member| member.turn_rad_s2() * STEP_S),
+            error_m_s: each(|member| member.error_m_s),
+            error_rad_s: each(|member| member.error_rad_s),
+        }
+    }
+
+    /// Where they are before a step in which they are told something.
+    #[inline]
+    fn begin(&self, told: &Told) -> Begin {
+        let is_slow = self.v_m_s.abs().simd_lt(f32x4::splat(REST_M_S))
+            & self.w_rad_s.abs().simd_lt(f32x4::splat(REST_RAD_S));
+        let is_told = (told.v_m_s.abs() + told.w_rad_s.abs()).simd_le(f32x4::ZERO);
+        let rests = is_slow & is_told & told.stops;
+        let moved_m = rests.bitselect(f32x4::splat(f32::INFINITY), self.moved_m);
+        Begin { x_m: self.x_m, y_m: self.y_m, cos: self.cos, sin: self.sin, moved_m, rests }
+    }
+
+    #[inline]
+    fn advance(&mut self, told: &Told, course: &Course<'_>) {
+        let (follow, step_s) = (f32x4::splat(course.follow), f32x4::splat(STEP_S));
+        let change = (told.v_m_s - self.v_m_s) * follow;
+        let brakes = (change * self.v_m_s).simd_lt(f32x4::ZERO);
+        let most_m_s = brakes.bitselect(self.brake_m_s, f32x4::splat(f32::MAX));
+        self.v_m_s = flushed(self.v_m_s + within(change, most_m_s));
+        self.w_rad_s =
+            flushed(self.w_rad_s + within((told.w_rad_s - self.w_rad_s) * follow, self.turn_rad_s));
+        let drives = told.v_m_s.abs().simd_gt(f32x4::splat(TOLD));
+        let moves = drives | told.w_rad_s.abs().simd_gt(f32x4::splat(TOLD));
+        // In this order NaN is NaN.
+        let speed_m_s = f32x4::ZERO.fast_max(self.v_m_s.abs() + (drives & self.error_m_s));
+        let length_m = (speed_m_s | (self.v_m_s & f32x4::splat(-0.0))) * step_s;
+        let turn_rad = (self.w_rad_s + (moves & self.error_rad_s)) * step_s;
+        self.moved_m = speed_m_s * step_s
+            + turn_rad.abs() * f32x4::splat(course.radius_m)
+            + f32x4::splat(course.nearer_m);
+        self.turn(length_m, half_turn(turn_rad));
+    }
+
+    /// Moves along arcs, given sines and cosines of half of each turn.
+    #[inline]
+    fn turn(&mut self, length_m: f32x4, (half_sin, half_cos): (f32x4, f32x4)) {
+        let (cos, sin, twice) = (self.cos, self.sin, half_sin + half_sin);
+        self.x_m += length_m * (cos * half_cos - sin * half_sin);
+        self.y_m += length_m * (sin * half_cos + cos * half_sin);
+        let (turn_sin, turn_cos) = (twice * half_cos, f32x4::ONE - twice * half_sin);
+        self.cos = cos * turn_cos - sin * turn_sin;
+        self.sin = sin * turn_cos + cos * turn_sin;
+    }
+}
+
+/// Members on their way. Some of them are at rest already, and are carried along.
+pub(crate) struct Rollout<'a, const FOURS: usize> {
+    course: &'a Course<'a>,
+    members: &'a Fours<FOURS>,
+    fours: [Four; FOURS],
+    /// The steps that were made last: what everyone was told, and where each began.
+    pub(crate) told: [[Told; FOURS]; STRIDE],
+    pub(crate) begins: [[Begin; FOURS]; STRIDE],
+    /// Number of the next step.
+    next: u32,
+    /// Of each member how many of the commands on their way have arrived, and with which step its stop begins.
+    arrived: [[usize; LANES]; FOURS],
+    stops: [[u32; LANES]; FOURS],
+}
+
+impl<'a, const FOURS: usize> Rollout<'a, FOURS> {
+    pub(crate) fn new(course: &'a Course<'a>, members: &'a Fours<FOURS>) -> Self {
+        let fours = members.each_ref().map(|members| Four::new(course.situation, members));
+        let told = Told { v_m_s: f32x4::ZERO, w_rad_s: f32x4::ZERO, stops: f32x4::ZERO };
         Self {
             course,
             members,
-            is_told_like: std::array::from_fn(|member| {
-                member.checked_sub(1).is_some_and(|before| members[before].is_told_like(&members[member]))
-            }),
-            brake_m_s2: members.map(|member| member.brake_m_s2),
-            error_m_s: members.map(|member| member.error_m_s),
-            error_rad_s: members.map(|member| member.error_rad_s),
-            turn_most_rad_s: members.map(|member| member.turn_most_rad_s()),
-            x_m: [at.x_m; N],
-            y_m: [at.y_m; N],
-            cos: [at.cos; N],
-            sin: [at.sin; N],
-            v_m_s: [twist.v_m_s; N],
-            w_rad_s: [twist.w_rad_s; N],
-            arrived: [0; N],
-            braked: [0; N],
-            step_m: [0.0; N],
+            fours,
+            told: [[told; FOURS]; STRIDE],
+            begins: [fours.each_ref().map(|four| four.begin(&told)); STRIDE],
+            next: 0,
+            arrived: [[0; LANES]; FOURS],
+            stops: [[u32::MAX; LANES]; FOURS],
         }
     }
 
-    pub(crate) fn at(&self, member: usize) -> Heading {
-        Heading { x_m: self.x_m[member], y_m: self.y_m[member], cos: self.cos[member], sin: self.sin[member] }
-    }
-
-    /// The commands that the members obey at a time: all of `[m/s]`, all of `[rad/s]`.
-    pub(crate) fn commands(&mut self, time_s: f32, brake: &mut Brake) -> ([f32; N], [f32; N]) {
-        // Columns are filled by loops throughout: a map over an array is a call for every number.
-        let (mut v_m_s, mut w_rad_s) = ([0.0f32; N], [0.0f32; N]);
-        for member in 0..N {
-            if self.is_told_like[member] {
-                self.braked[member] = self.braked[member - 1];
-                (v_m_s[member], w_rad_s[member]) = (v_m_s[member - 1], w_rad_s[member - 1]);
-            } else {
-                let command = self.command(member, time_s, brake);
-                (v_m_s[member], w_rad_s[member]) = (command.v_m_s, command.w_rad_s);
+    /// Makes the next steps.
+    pub(crate) fn stride(&mut self, brake: &mut Brake) {
+        self.tell(brake);
+        for (begins, told) in self.begins.iter_mut().zip(&self.told) {
+            for ((four, begin), told) in self.fours.iter_mut().zip(begins).zip(told) {
+                *begin = four.begin(told);
+                four.advance(told, self.course);
             }
         }
-        (v_m_s, w_rad_s)
+        self.next += STRIDE as u32;
     }
 
-    fn command(&mut self, member: usize, time_s: f32, brake: &mut Brake) -> Twist {
-        let Course { situation, twist, hold_s, .. } = self.course;
-        let Member { dead_s, stop, .. } = self.members[member];
-        let begin_s = situation.age_s + dead_s;
-        let end_s = match stop {
-            Stop::Told => begin_s + hold_s,
-            Stop::Alone { after_s, .. } => situation.age_s + after_s,
-        };
-        if time_s >= end_s {
-            self.braked[member] += 1;
-            return if stop == Stop::Told { brake.at(self.braked[member] - 1) } else { Twist::STOP };
+    /// Works out what everyone is told.
+    fn tell(&mut self, brake: &mut Brake) {
+        let mut before: Option<Member> = None;
+        let mut said = [(Twist::STOP, f32::from_bits(0)); STRIDE];
+        for place in 0..LANES * FOURS {
+            let (four, lane) = (place / LANES, place % LANES);
+            let member = self.members[four][lane];
+            if before.is_none_or(|before| !before.is_told_like(&member)) {
+                for (step, said) in said.iter_mut().enumerate() {
+                    let step = self.next + step as u32;
+                    let twist = self.command(four, lane, step, brake);
+                    let stops = step >= self.stops[four][lane];
+                    *said = (twist, f32::from_bits(if stops { u32::MAX } else { 0 }));
+                }
+            }
+            before = Some(member);
+            for (told, (twist, stops)) in self.told.iter_mut().zip(&said) {
+                let told = &mut told[four];
+                told.v_m_s.as_mut_array()[lane] = twist.v_m_s;
+                told.w_rad_s.as_mut_array()[lane] = twist.w_rad_s;
+                told.stops.as_mut_array()[lane] = *stops;
+            }
         }
-        if time_s >= begin_s {
+    }
+
+    /// What a member is told at a step.
+    fn command(&mut self, four: usize, lane: usize, step: u32, brake: &mut Brake) -> Twist {
+        let Course { situation, twist, hold_s, .. } = self.course;
+        let member = self.members[four][lane];
+        let time_s = step as f32 * STEP_S;
+        if time_s >= member.stops_s(situation.age_s, *hold_s) {
+            let first = &mut self.stops[four][lane];
+            *first = (*first).min(step);
+            return if member.stop == Stop::Told { brake.at((step - *first) as usize) } else { Twist::STOP };
+        }
+        if time_s >= situation.age_s + member.dead_s {
             return *twist;
         }
         let pending = &situation.pending[..situation.pending_count.min(situation.pending.len())];
-        let arrived = &mut self.arrived[member];
-        while pending.get(*arrived).is_some_and(|next| next.sent_s + dead_s <= time_s) {
+        let arrived = &mut self.arrived[four][lane];
+        while pending.get(*arrived).is_some_and(|next| next.sent_s + member.dead_s <= time_s) {
             *arrived += 1;
         }
         // Before the first known command took effect, the base is assumed to go on as it goes.
         arrived.checked_sub(1).map_or(situation.twist, |last| pending[last].twist)
     }
-
-    /// Whether a member has come to rest at the end of its brake.
-    pub(crate) fn rests(&self, member: usize) -> bool {
-        let is_slow = self.v_m_s[member].abs() < REST_M_S && self.w_rad_s[member].abs() < REST_RAD_S;
-        is_slow && self.braked[member] > 0
-    }
-
-    /// Carries all members on by a step, given their commands.
-    pub(crate) fn advance(&mut self, command_m_s: &[f32; N], command_rad_s: &[f32; N]) {
-        let Course { follow, radius_m, nearer_m, .. } = *self.course;
-        let (mut length_m, mut turn_rad) = ([0.0f32; N], [0.0f32; N]);
-        // What is chosen is read before: so no number is computed by itself.
-        for k in 0..N {
-            let (v, w, brake_m_s2) = (self.v_m_s[k], self.w_rad_s[k], self.brake_m_s2[k]);
-            let change = (command_m_s[k] - v) * follow;
-            let most = if change * v < 0.0 { brake_m_s2 * STEP_S } else { f32::MAX };
-            self.v_m_s[k] = v + within(change, most);
-            self.w_rad_s[k] = w + within((command_rad_s[k] - w) * follow, self.turn_most_rad_s[k]);
-        }
-        let mut is_slow = true;
-        for k in 0..N {
-            let (v, error_m_s, error_rad_s) = (self.v_m_s[k], self.error_m_s[k], self.error_rad_s[k]);
-            let drives = command_m_s[k].abs() > TOLD;
-            let moves = drives | (command_rad_s[k].abs() > TOLD);
-            let speed_m_s = v.abs() + if drives { error_m_s } else { 0.0 };
-            let speed_m_s = if speed_m_s < 0.0 { 0.0 } else { speed_m_s };
-            length_m[k] = speed_m_s.copysign(v) * STEP_S;
-            turn_rad[k] = (self.w_rad_s[k] + if moves { error_rad_s } else { 0.0 }) * STEP_S;
-            self.step_m[k] = length_m[k].abs() + turn_rad[k].abs() * radius_m + nearer_m;
-            is_slow &= turn_rad[k].abs() <= 2.0 * SMALL_RAD;
-        }
-        let (mut sin, mut cos) = ([0.0f32; N], [0.0f32; N]);
-        if is_slow {
-            for k in 0..N {
-                (sin[k], cos[k]) = series(0.5 * turn_rad[k]);
-            }
-        } else {
-            // A measured spin beyond any limit.
-            for k in 0..N {
-                (sin[k], cos[k]) = libm::sincosf(0.5 * turn_rad[k]);
-            }
-        }
-        self.turn(&length_m, &sin, &cos);
-    }
-
-    /// Moves along arcs, given sines and cosines of half of each turn.
-    fn turn(&mut self, length_m: &[f32; N], half_sin: &[f32; N], half_cos: &[f32; N]) {
-        for k in 0..N {
-            let (sin, cos) = (half_sin[k], half_cos[k]);
-            self.x_m[k] += length_m[k] * (self.cos[k] * cos - self.sin[k] * sin);
-            self.y_m[k] += length_m[k] * (self.sin[k] * cos + self.cos[k] * sin);
-            let (sin, cos) = (2.0 * sin * cos, 1.0 - 2.0 * sin * sin);
-            (self.cos[k], self.sin[k]) =
-                (self.cos[k] * cos - self.sin[k] * sin, self.sin[k] * cos + self.cos[k] * sin);
-        }
-    }
 }
 
-/// A number, or what of it lies within `most` of zero.
-fn within(number: f32, most: f32) -> f32 {
-    let number = if number > most { most } else { number };
-    if number < -most { -most } else { number }
+/// A speed, or zero where it is so small that a processor is slow with its square; NaN is NaN.
+#[inline]
+fn flushed(speed: f32x4) -> f32x4 {
+    speed.abs().simd_le(f32x4::splat(TINY)).bitselect(f32x4::ZERO, speed)
 }
 
-/// Sine and cosine of an angle up to [`SMALL_RAD`].
-fn series(angle_rad: f32) -> (f32, f32) {
-    let square = angle_rad * angle_rad;
-    let sin = angle_rad * (1.0 - square * (1.0 / 6.0));
-    (sin, 1.0 - 0.5 * square + square * square * (1.0 / 24.0))
+/// A number, or what of it lies within `most` of zero; NaN is NaN.
+#[inline]
+fn within(number: f32x4, most: f32x4) -> f32x4 {
+    number.fast_clamp(-most, most)
+}
+
+/// Sine and cosine of half of a turn.
+#[inline]
+fn half_turn(turn_rad: f32x4) -> (f32x4, f32x4) {
+    let half = turn_rad * f32x4::splat(0.5);
+    if half.abs().simd_le(f32x4::splat(SMALL_RAD)).all() {
+        let square = half * half;
+        let sin = half * (f32x4::ONE - square * f32x4::splat(1.0 / 6.0));
+        let cos = f32x4::ONE - square * (f32x4::splat(0.5) - square * f32x4::splat(1.0 / 24.0));
+        return (sin, cos);
+    }
+    // A measured spin beyond any limit.
+    (f32x4::new(half.to_array().map(libm::sinf)), f32x4::new(half.to_array().map(libm::cosf)))
 }
 
 #[cfg(test)]
@@ -319,21 +347,26 @@ mod tests {
 
     const FREE: Rows = [0; SAFETY_SIDE];
 
-    /// Poses and rest of members on their way, step by step.
-    fn ways<const N: usize>(course: &Course<'_>, brake: &Candidate, members: &[Member; N]) -> Vec<[u32; 4]> {
+    /// Poses and rest of members on their way: 304 steps of one after those of the other.
+    fn ways<const FOURS: usize>(
+        course: &Course<'_>,
+        candidate: &Candidate,
+        members: &Fours<FOURS>,
+    ) -> Vec<Vec<(Heading, bool)>> {
         let robot = loomo();
-        let mut brake = Brake::new(brake, &Limiter::new(&robot.limits), &robot);
+        let mut brake = Brake::new(candidate, &Limiter::new(&robot.limits), &robot);
         let mut rollout = Rollout::new(course, members);
-        let mut way = Vec::new();
-        for step in 0..300 {
-            let (v, w) = rollout.commands(step as f32 * STEP_S, &mut brake);
-            way.extend((0..N).map(|member| {
-                let at = rollout.at(member);
-                [at.x_m.to_bits(), at.y_m.to_bits(), at.sin.to_bits(), u32::from(rollout.rests(member))]
-            }));
-            rollout.advance(&v, &w);
+        let mut ways = vec![Vec::new(); LANES * FOURS];
+        for _ in 0..38 {
+            rollout.stride(&mut brake);
+            for begins in &rollout.begins {
+                for (place, way) in ways.iter_mut().enumerate() {
+                    let (begin, lane) = (&begins[place / LANES], place % LANES);
+                    way.push((begin.at(lane), begin.rests(lane)));
+                }
+            }
         }
-        way
+        ways
     }
 
     /// A situation in the open, of a base that moves at `twist`.
@@ -359,30 +392,44 @@ mod tests {
     /// Nobody commands a base in a curve any more: its turn ends at the rate it can, long before its speed, and both end.
     #[test]
     fn a_base_left_alone_stops_each_axis_for_itself() {
-        let robot = loomo();
         let twist = Twist::new(0.9, 1.2);
         let situation = open(twist);
         let course =
             Course { situation: &situation, twist, hold_s: 0.08, follow: 0.1, radius_m: 0.35, nearer_m: 0.0 };
         let stop = Stop::Alone { after_s: 0.08, turn_rad_s2: 3.0 };
-        let members = [Member { dead_s: 0.02, brake_m_s2: 0.45, error_m_s: 0.0, error_rad_s: 0.0, stop }];
+        let member = Member { dead_s: 0.02, brake_m_s2: 0.45, error_m_s: 0.0, error_rad_s: 0.0, stop };
         let candidate = Candidate { motion: Motion::steady(twist), comfort: true, lately_seen: false };
-        let mut brake = Brake::new(&candidate, &Limiter::new(&robot.limits), &robot);
-        let mut rollout = Rollout::new(&course, &members);
+        let way = &ways(&course, &candidate, &[[member; LANES]])[0];
+        let speeds = way.windows(2).map(|pair| {
+            let ((from, _), (to, _)) = (pair[0], pair[1]);
+            let turned = from.cos * to.sin - from.sin * to.cos;
+            [libm::hypotf(to.x_m - from.x_m, to.y_m - from.y_m), libm::asinf(turned)].map(|it| it / STEP_S)
+        });
         let mut stopped = [None; 2];
-        for step in 0..400 {
-            let before_rad_s = rollout.w_rad_s[0];
-            let (v, w) = rollout.commands(step as f32 * STEP_S, &mut brake);
-            rollout.advance(&v, &w);
-            assert!(before_rad_s - rollout.w_rad_s[0] <= 3.0 * STEP_S + 1e-6);
-            for (stopped, speed) in stopped.iter_mut().zip([rollout.v_m_s[0], rollout.w_rad_s[0]]) {
+        let mut before_rad_s = twist.w_rad_s;
+        for (step, [drive, turn]) in speeds.enumerate() {
+            assert!(before_rad_s - turn <= 3.0 * STEP_S + 1e-3, "{step}: {before_rad_s} {turn}");
+            before_rad_s = turn;
+            for (stopped, speed) in stopped.iter_mut().zip([drive, turn]) {
                 *stopped = stopped.or((speed < 0.1).then_some(step));
             }
         }
         // From 0.092 s on: 0.8 m/s at 0.45 m/s^2, 1.1 rad/s at 3 rad/s^2.
         let [drive, turn] = stopped.map(Option::unwrap);
         assert!((185..190).contains(&drive) && (45..55).contains(&turn), "{drive} {turn}");
-        assert!(rollout.rests(0));
+        assert!(way.last().unwrap().1 && !way[drive].1);
+    }
+
+    /// A spin beyond any limit, as an odometry may tell: turned by sine and cosine, as one within them is by their series.
+    #[test]
+    fn any_turn_is_one_by_its_sine_and_cosine() {
+        for half in [1e-12f32, 0.01, 0.0999, 0.1001, 0.7, -3.0] {
+            let (sin, cos) = half_turn(f32x4::splat(2.0 * half));
+            let off = (sin.as_array()[3] - libm::sinf(half))
+                .abs()
+                .max((cos.as_array()[0] - libm::cosf(half)).abs());
+            assert!(off < 1e-6, "{half}: {off}");
+        }
     }
 
     proptest! {
@@ -420,11 +467,10 @@ mod tests {
                 error_rad_s,
                 stop: alone.map_or(Stop::Told, |(after_s, turn_rad_s2)| Stop::Alone { after_s, turn_rad_s2 }),
             });
-            let together = ways(&course, &candidate, &members);
-            for (number, member) in members.iter().enumerate() {
-                let alone = ways(&course, &candidate, &[*member]);
-                let here: Vec<_> = together.iter().skip(number).step_by(4).copied().collect();
-                prop_assert_eq!(here, alone);
+            let together = ways(&course, &candidate, &[members, [members[1]; LANES]]);
+            for (way, member) in together.iter().zip(members.iter().chain([&members[1]; LANES])) {
+                let alone = ways(&course, &candidate, &[[*member; LANES]]);
+                prop_assert_eq!(way, &alone[LANES - 1]);
             }
         }
     }

@@ -9,9 +9,11 @@ use crate::clearance::{FreeSpace, Heading, Outline, Rows};
 use crate::config::Config;
 use crate::held::Held;
 use crate::limits::{Limiter, Motion};
+use crate::member::{FARTHEST, Fours, LANES, OTHERS, members};
 use crate::queue::{Pending, SENT_MAX};
-use crate::rollout::{Brake, Course, Member, Rollout, STEP_S, STEPS_MAX, Stop};
+use crate::rollout::{Brake, Course, Rollout, STEP_S, STEPS_MAX, STRIDE};
 use sidestep_msgs::{NO_CELL, Robot, Twist};
+use wide::f32x4;
 
 /// `[m]` longest motion between two looks of a robot that has no more than the least margin, and of one that holds cells.
 const NEAR_GAP_M: f32 = 0.002;
@@ -20,9 +22,6 @@ const HELD_GAP_M: f32 = 0.004;
 const ROUNDING_M: f32 = 1e-4;
 /// `[m]` that the errors of speed and turn rate may take of a widening that is not the full one, and of what is held.
 pub(crate) const ERROR_M: f32 = 0.003;
-/// Members that come to rest last, and the others.
-const FARTHEST: usize = 4;
-const OTHERS: usize = 16;
 
 /// What is true at a step for every candidate.
 #[derive(Debug, Clone, Copy)]
@@ -83,12 +82,20 @@ impl Hit {
     }
 }
 
+/// What is swept, and where.
+#[derive(Clone, Copy)]
+struct Sweep<'a> {
+    situation: &'a Situation,
+    space: &'a FreeSpace,
+    candidate: &'a Candidate,
+}
+
 /// Sweeps candidates over the free space.
 #[derive(Debug, Clone)]
 pub(crate) struct Tube {
     /// The members that go farthest: they fail soonest.
-    farthest: [Member; FARTHEST],
-    others: [Member; OTHERS],
+    farthest: Fours<FARTHEST>,
+    others: Fours<OTHERS>,
     outline: Outline,
     limiter: Limiter,
     robot: Robot,
@@ -172,18 +179,24 @@ impl Tube {
         space: &FreeSpace,
         candidate: &Candidate,
     ) -> Result<(), Hit> {
-        self.sweep(situation, space, candidate, &self.farthest)?;
-        self.sweep(situation, space, candidate, &self.others)
+        let sweep = Sweep { situation, space, candidate };
+        let mut brake = Brake::new(candidate, &self.limiter, &self.robot);
+        // Without errors, hence with the larger widening: nobody may go farther.
+        let from_m = self.allowance(&sweep, &situation.at, 0.0, 0.0)?;
+        self.sweep(&sweep, &mut brake, &self.farthest, from_m)?;
+        self.sweep(&sweep, &mut brake, &self.others, from_m)
     }
 
-    /// Sweeps members side by side; of what they hit, the answer is what is hit first.
-    fn sweep<const N: usize>(
+    /// Sweeps members side by side, from where they may go `from_m` before anybody looks; of what they hit, the answer is what
+    /// is hit first.
+    fn sweep<const FOURS: usize>(
         &self,
-        situation: &Situation,
-        space: &FreeSpace,
-        candidate: &Candidate,
-        members: &[Member; N],
+        sweep: &Sweep<'_>,
+        brake: &mut Brake,
+        members: &Fours<FOURS>,
+        from_m: f32,
     ) -> Result<(), Hit> {
+        let Sweep { situation, space, candidate } = *sweep;
         let course = Course {
             situation,
             twist: candidate.motion.twist,
@@ -193,50 +206,47 @@ impl Tube {
             // What moves comes nearer by itself.
             nearer_m: if situation.movers { space.movers.speed_m_s() * STEP_S } else { 0.0 },
         };
-        let mut brake = Brake::new(candidate, &self.limiter, &self.robot);
-        let look = |rollout: &Rollout<'_, N>, member: usize, time_s: f32| {
-            let error_m = if members[member].is_faithful() { 0.0 } else { situation.error_m };
-            self.allowance(situation, space, candidate, &rollout.at(member), time_s, error_m)
-        };
         let mut rollout = Rollout::new(&course, members);
-        // The start is checked too: a map may have come since.
-        let (mut moved_m, mut allowed_m) = ([0.0f32; N], [-1.0f32; N]);
-        let mut rests = [false; N];
-        for step in 0..STEPS_MAX {
-            let time_s = step as f32 * STEP_S;
-            let (command_m_s, command_rad_s) = rollout.commands(time_s, &mut brake);
-            for member in 0..N {
-                if rests[member] {
+        let (mut moved_m, mut allowed_m) = ([f32x4::ZERO; FOURS], [f32x4::splat(from_m); FOURS]);
+        let mut rests = [[false; LANES]; FOURS];
+        for first in (0..STEPS_MAX).step_by(STRIDE) {
+            rollout.stride(brake);
+            for (step, begins) in rollout.begins.iter().enumerate() {
+                // Looked at before the next step would pass what is allowed; NaN looks at every pose.
+                let mut go_on = f32x4::splat(f32::from_bits(u32::MAX));
+                for ((moved_m, allowed_m), begin) in moved_m.iter_mut().zip(&allowed_m).zip(begins) {
+                    *moved_m += begin.moved_m;
+                    go_on &= (*moved_m + begin.moved_m).simd_le(*allowed_m);
+                }
+                if go_on.all() {
                     continue;
                 }
-                // Looked at before the next step would pass what is allowed; NaN looks at every pose.
-                let goes_on = moved_m[member] + rollout.step_m[member] <= allowed_m[member];
-                let is_told = command_m_s[member] == 0.0 && command_rad_s[member] == 0.0;
-                let is_last = is_told && rollout.rests(member);
-                if !goes_on || is_last {
-                    let may_m = look(&rollout, member, time_s)?;
-                    (moved_m[member], allowed_m[member], rests[member]) = (0.0, may_m, is_last);
+                let time_s = (first + step) as f32 * STEP_S;
+                for (four, begin) in begins.iter().enumerate() {
+                    let columns = (moved_m[four].as_mut_array(), allowed_m[four].as_mut_array());
+                    for (lane, (moved_m, allowed_m)) in columns.0.iter_mut().zip(columns.1).enumerate() {
+                        if rests[four][lane] || *moved_m + begin.moved_m.as_array()[lane] <= *allowed_m {
+                            continue;
+                        }
+                        let errs = !members[four][lane].is_faithful();
+                        let error_m = if errs { situation.error_m } else { 0.0 };
+                        let at = begin.at(lane);
+                        let may_m = self.allowance(sweep, &at, time_s, error_m)?;
+                        rests[four][lane] = begin.rests(lane);
+                        (*moved_m, *allowed_m) = (0.0, if begin.rests(lane) { f32::INFINITY } else { may_m });
+                    }
+                }
+                if rests.as_flattened().iter().all(|rests| *rests) {
+                    return Ok(());
                 }
             }
-            if rests.iter().all(|rests| *rests) {
-                return Ok(());
-            }
-            rollout.advance(&command_m_s, &command_rad_s);
-            moved_m.iter_mut().zip(&rollout.step_m).for_each(|(moved_m, step_m)| *moved_m += step_m);
         }
         Err(Hit::standing(NO_CELL))
     }
 
     /// `[m]` how far any point of the footprint may move before the next look.
-    fn allowance(
-        &self,
-        situation: &Situation,
-        space: &FreeSpace,
-        candidate: &Candidate,
-        at: &Heading,
-        time_s: f32,
-        error_m: f32,
-    ) -> Result<f32, Hit> {
+    fn allowance(&self, sweep: &Sweep<'_>, at: &Heading, time_s: f32, error_m: f32) -> Result<f32, Hit> {
+        let Sweep { situation, space, candidate } = *sweep;
         let margin_m = situation.margin_m - error_m;
         let slack_m = space.clearance_m(at.x_m, at.y_m) - self.outline.radius_m(margin_m);
         let mut allowed_m = if slack_m >= self.gap_m {
@@ -284,81 +294,13 @@ impl Tube {
     }
 }
 
-/// The members of the identified set that are simulated: those that come to rest last, and the others, among which those
-/// that are told the same come one after the other. Whoever brakes harder is at rest before an error has led him as far. A
-/// base left alone stops when the candidate runs out, or later by the longest dead time, its turn at once or slowly. An
-/// error that changes sides midway leads the rear of the Loomo up to 6 mm farther aside than either side alone, on a
-/// straight way: the margin takes that.
-fn members(robot: &Robot, hold_s: f32) -> ([Member; FARTHEST], [Member; OTHERS]) {
-    let a = &robot.actuator;
-    let (soon_s, late_s) = (a.dead_time_min_s, a.dead_time_max_s);
-    let (weak, strong) = (a.brake_min_m_s2, a.brake_max_m_s2.max(a.brake_min_m_s2));
-    let (v, w) = (a.tracking_m_s, a.tracking_rad_s);
-    let told = |dead_s, brake_m_s2| Member {
-        dead_s,
-        brake_m_s2,
-        error_m_s: 0.0,
-        error_rad_s: 0.0,
-        stop: Stop::Told,
-    };
-    let errs = |member, error_m_s, error_rad_s| Member { error_m_s, error_rad_s, ..member };
-    let (at_once, slowly) = (f32::MAX, robot.limits.turn_accelerate_rad_s2);
-    let alone =
-        |member, after_s, turn_rad_s2| Member { stop: Stop::Alone { after_s, turn_rad_s2 }, ..member };
-    let (late, soon) = (told(late_s, weak), told(soon_s, weak));
-    let last = alone(late, hold_s + late_s, slowly);
-    let farthest = [late, errs(late, v, w), errs(late, v, -w), last];
-    let others = [
-        errs(late, -v, w),
-        errs(late, -v, -w),
-        soon,
-        errs(soon, v, w),
-        errs(soon, v, -w),
-        told(late_s, strong),
-        told(soon_s, strong),
-        told(0.5 * (soon_s + late_s), 0.5 * (weak + strong)),
-        errs(last, v, w),
-        errs(last, v, -w),
-        alone(late, hold_s + late_s, at_once),
-        alone(late, hold_s, slowly),
-        alone(soon, hold_s, slowly),
-        alone(soon, hold_s, at_once),
-        alone(told(late_s, strong), hold_s + late_s, slowly),
-        alone(told(soon_s, strong), hold_s, slowly),
-    ];
-    (farthest, others)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::fixture::{Stage, TICK, loomo};
+    use crate::member::Member;
     use proptest::prelude::*;
     use sidestep_msgs::SAFETY_SIDE;
-
-    fn all() -> Vec<Member> {
-        let (farthest, others) = members(&loomo(), Config::STANDARD.hold_s);
-        [farthest.as_slice(), others.as_slice()].concat()
-    }
-
-    /// To whichever side a member errs, another errs as much to the other; none is simulated twice.
-    #[test]
-    fn the_members_are_different_ones_and_mirrored() {
-        let all = all();
-        for (number, member) in all.iter().enumerate() {
-            assert!(!all[..number].contains(member), "{member:?}");
-            let mirrored = Member { error_rad_s: -member.error_rad_s, ..*member };
-            assert!(all.contains(&mirrored), "{member:?}");
-        }
-        let a = loomo().actuator;
-        let ends = |of: fn(&Member) -> f32| {
-            all.iter().map(of).fold((f32::MAX, f32::MIN), |(least, most), it| (least.min(it), most.max(it)))
-        };
-        assert_eq!(ends(|member| member.dead_s), (a.dead_time_min_s, a.dead_time_max_s));
-        assert_eq!(ends(|member| member.brake_m_s2), (a.brake_min_m_s2, a.brake_max_m_s2));
-        assert_eq!(ends(|member| member.error_m_s), (-a.tracking_m_s, a.tracking_m_s));
-        assert_eq!(ends(|member| member.error_rad_s), (-a.tracking_rad_s, a.tracking_rad_s));
-    }
 
     /// What errors may take, and half of the way between two looks, leave the margin where nothing is near.
     #[test]
@@ -395,10 +337,14 @@ mod tests {
             let mut rollout = Rollout::new(&course, &tube.farthest);
             // Of each moment the way so far, and whether an error is to be reckoned with.
             let mut way = Vec::new();
-            while !rollout.rests(0) {
-                let (v, w) = rollout.commands(way.len() as f32 * STEP_S, &mut brake);
-                way.push((rollout.at(0).x_m, v[0].abs() > 1e-3));
-                rollout.advance(&v, &w);
+            while !rollout.begins[STRIDE - 1][0].rests(0) {
+                rollout.stride(&mut brake);
+                let moments = rollout.begins.iter().zip(&rollout.told);
+                way.extend(
+                    moments.map(|(begins, told)| {
+                        (begins[0].at(0).x_m, told[0].v_m_s.as_array()[0].abs() > 1e-3)
+                    }),
+                );
             }
             for end in 1..way.len() {
                 let erring = way[..end].iter().filter(|(_, errs)| *errs);
@@ -409,6 +355,24 @@ mod tests {
             }
         }
         assert!((0.005..0.006).contains(&most_m), "{most_m}");
+    }
+
+    /// A speed that nobody knows, of the base or of a command on its way, leaves no candidate, though commands have arrived since.
+    #[test]
+    fn nothing_is_free_for_a_base_of_unknown_speed() {
+        let mut stage = Stage::new(&Config::STANDARD, &[]);
+        stage.wish = Twist::new(0.4, 0.2);
+        stage.ticks(60);
+        let situation = stage.arbiter.situation(stage.now_ns - TICK).unwrap();
+        let (tube, space) = (&stage.arbiter.tube, &stage.arbiter.space);
+        let candidate = Candidate { motion: Motion::steady(stage.wish), comfort: true, lately_seen: false };
+        assert!(situation.pending_count > 0 && tube.check(&situation, space, &candidate).is_ok());
+        for unknown in [Twist::new(f32::NAN, 0.2), Twist::new(0.4, f32::NAN)] {
+            assert!(tube.check(&Situation { twist: unknown, ..situation }, space, &candidate).is_err());
+            let mut pending = situation.pending;
+            pending.iter_mut().for_each(|pending| pending.twist = unknown);
+            assert!(tube.check(&Situation { pending, ..situation }, space, &candidate).is_err());
+        }
     }
 
     /// Backward, what was not seen lately is not entered by 2 mm, whatever errors may take of a widening.
@@ -427,7 +391,8 @@ mod tests {
         for (beyond_m, is_free) in [(-0.002, true), (0.002, false)] {
             let y_m = 0.30 + beyond_m - loomo().half_width_m();
             let at = Heading { x_m: 0.0, y_m, cos: 1.0, sin: 0.0 };
-            let found = tube.allowance(&situation, &stage.arbiter.space, &candidate, &at, 0.0, ERROR_M);
+            let sweep = Sweep { situation: &situation, space: &stage.arbiter.space, candidate: &candidate };
+            let found = tube.allowance(&sweep, &at, 0.0, ERROR_M);
             assert_eq!(found.is_ok(), is_free, "{beyond_m}");
         }
     }
@@ -453,8 +418,14 @@ mod tests {
             let candidate = Candidate { motion, comfort: true, lately_seen: false };
             let tube = &arbiter.tube;
             let together = tube.check(&situation, &arbiter.space, &candidate);
-            let free = |member: &Member| tube.sweep(&situation, &arbiter.space, &candidate, &[*member]).is_ok();
-            prop_assert_eq!(together.is_ok(), all().iter().all(free));
+            let sweep = Sweep { situation: &situation, space: &arbiter.space, candidate: &candidate };
+            let free = |member: &Member| {
+                let mut brake = Brake::new(&candidate, &tube.limiter, &tube.robot);
+                let from_m = tube.allowance(&sweep, &situation.at, 0.0, 0.0);
+                from_m.is_ok_and(|from_m| tube.sweep(&sweep, &mut brake, &[[*member; LANES]], from_m).is_ok())
+            };
+            let all = tube.farthest.as_flattened().iter().chain(tube.others.as_flattened());
+            prop_assert_eq!(together.is_ok(), all.into_iter().all(free));
         }
     }
 }

@@ -6,7 +6,10 @@
 use crate::frame::Lens;
 use sidestep_msgs::NEAR_SECTORS;
 use std::f32::consts::{PI, TAU};
+use wide::{f32x4, i32x4};
 
+/// Points that are placed side by side.
+pub(crate) const LANES: usize = 4;
 /// Entries of the table over the full circle; one is a fortieth of a sector for a camera of 60 degrees.
 const ENTRIES: usize = 1 << 14;
 /// Entries per unit of the diamond angle, which runs from -2 to 2.
@@ -26,15 +29,17 @@ pub(crate) struct Fan {
 
 /// In (-2, 2], growing with the angle; NaN at the origin.
 #[inline]
-fn diamond(x: f32, y: f32) -> f32 {
+fn diamond(x: f32x4, y: f32x4) -> f32x4 {
     let part = y / (x.abs() + y.abs());
-    if x >= 0.0 { part } else { 2.0_f32.copysign(y) - part }
+    let two = f32x4::splat(2.0) | (y & f32x4::splat(-0.0));
+    x.simd_ge(f32x4::ZERO).bitselect(part, two - part)
 }
 
 #[inline]
-fn entry(diamond: f32) -> usize {
-    // NaN and whatever rounding does at the ends land inside. To i32, since that is one instruction.
-    ((((diamond + 2.0) * PER_UNIT) as i32).max(0) as usize).min(ENTRIES - 1)
+fn entries(diamond: f32x4) -> [i32; LANES] {
+    let entry = ((diamond + f32x4::splat(2.0)) * f32x4::splat(PER_UNIT)).fast_trunc_int();
+    // NaN is at most zero, and lands inside with whatever rounding does at the ends.
+    entry.max(i32x4::ZERO).min(i32x4::splat(ENTRIES as i32 - 1)).to_array()
 }
 
 impl Fan {
@@ -53,9 +58,8 @@ impl Fan {
             for row_px in [-0.5, size_px[1] - 0.5] {
                 let ray = lens.ray(column_px, row_px);
                 for depth_m in depths_m {
-                    let [ahead, aside] =
-                        self.turned(lens.eye_m[0] + depth_m * ray[0], lens.eye_m[1] + depth_m * ray[1]);
-                    let bearing = libm::atan2f(aside, ahead);
+                    let (x, y) = (lens.eye_m[0] + depth_m * ray[0], lens.eye_m[1] + depth_m * ray[1]);
+                    let bearing = libm::atan2f(cos * y - sin * x, cos * x + sin * y);
                     (right, left) = (right.min(bearing), left.max(bearing));
                 }
             }
@@ -72,24 +76,19 @@ impl Fan {
             let edge = left - (index + 1) as f32 * sector;
             let (sin, cos) = libm::sincosf(edge);
             let last = index + 1 == NEAR_SECTORS;
-            let to = if last { 0 } else { entry(diamond(cos, sin)).min(from) };
+            let [to, ..] = entries(diamond(f32x4::splat(cos), f32x4::splat(sin)));
+            let to = if last { 0 } else { (to as usize).min(from) };
             self.sectors[to..from].fill(index as u8);
             from = to;
         }
     }
 
-    /// A direction of `base` as ahead and to the left of the optical axis.
+    /// The sectors of points of `base`; a point beside the fan belongs to its outermost sector.
     #[inline]
-    fn turned(&self, x: f32, y: f32) -> [f32; 2] {
-        let [cos, sin] = self.axis;
-        [cos * x + sin * y, cos * y - sin * x]
-    }
-
-    /// The sector of a point of `base`; a point beside the fan belongs to its outermost sector.
-    #[inline]
-    pub(crate) fn sector(&self, x_m: f32, y_m: f32) -> usize {
-        let [ahead, aside] = self.turned(x_m, y_m);
-        usize::from(self.sectors[entry(diamond(ahead, aside))]) % NEAR_SECTORS
+    pub(crate) fn sectors(&self, x_m: f32x4, y_m: f32x4) -> [usize; LANES] {
+        let [cos, sin] = self.axis.map(f32x4::splat);
+        let entries = entries(diamond(cos * x_m + sin * y_m, cos * y_m - sin * x_m));
+        entries.map(|entry| usize::from(self.sectors[entry as usize % ENTRIES]) % NEAR_SECTORS)
     }
 }
 
@@ -97,6 +96,10 @@ impl Fan {
 mod tests {
     use super::*;
     use sidestep_msgs::{DepthFrame, Isometry};
+
+    fn sector(fan: &Fan, x_m: f32, y_m: f32) -> usize {
+        fan.sectors(f32x4::splat(x_m), f32x4::splat(y_m))[LANES - 1]
+    }
 
     fn fan(camera: Isometry) -> Fan {
         let frame = DepthFrame {
@@ -125,7 +128,7 @@ mod tests {
                 let bearing = fan.left_rad - (step as f32 + 0.5) / 10.0 * fan.sector_rad;
                 let (sin, cos) = libm::sincosf(bearing);
                 // Within a tenth of a sector of an edge either side will do.
-                let sector = fan.sector(1.7 * cos, 1.7 * sin);
+                let sector = sector(&fan, 1.7 * cos, 1.7 * sin);
                 let (low, high) = ((step.max(1) - 1) / 10, ((step + 1) / 10).min(63));
                 assert!(sector >= low && sector <= high, "{step}: {sector}");
             }
@@ -145,9 +148,9 @@ mod tests {
     #[test]
     fn whatever_lies_outside_or_nowhere_belongs_to_some_sector() {
         let fan = fan(Isometry::camera(0.1, 0.0, 0.55, 0.17));
-        assert_eq!((fan.sector(0.1, 2.0), fan.sector(0.1, -2.0)), (0, 63));
+        assert_eq!((sector(&fan, 0.1, 2.0), sector(&fan, 0.1, -2.0)), (0, 63));
         for (x, y) in [(0.0, 0.0), (f32::NAN, 1.0), (f32::INFINITY, f32::INFINITY), (-1.0, 0.0)] {
-            assert!(fan.sector(x, y) < 64);
+            assert!(sector(&fan, x, y) < 64);
         }
     }
 }

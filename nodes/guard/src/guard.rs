@@ -5,10 +5,11 @@
 //! range by the greatest lean that the robot file allows.
 
 use crate::config::{Config, ConfigError};
-use crate::fan::Fan;
+use crate::fan::{Fan, LANES};
 use crate::frame::{Lens, refusal};
 use crate::tally::{Support, Tally};
 use sidestep_msgs::{DepthFrame, NEAR_SECTORS, NearField, Robot, Status};
+use wide::f32x4;
 
 /// `[px]` columns that are looked at at least, where the frame has them: four per sector.
 const COLUMNS_MIN: u32 = 4 * NEAR_SECTORS as u32;
@@ -80,29 +81,95 @@ impl Guard {
     }
 
     fn count(&mut self, frame: &DepthFrame, lens: &Lens, stride: usize) {
-        let config = &self.config;
-        let unit_m = frame.metres_per_unit;
-        let step = lens.per_column().map(|part| part * stride as f32);
+        let of = f32x4::splat;
+        let Config { near_m, far_m, floor_cut_m, band_top_m, .. } = self.config;
+        let step = lens.per_column().map(|part| of(part * stride as f32));
         let rows = frame.used_pixels().chunks_exact(frame.width as usize);
         for (row, pixels) in rows.enumerate().step_by(stride) {
-            let first = lens.ray(0.0, row as f32);
-            for (index, &raw) in pixels.iter().step_by(stride).enumerate() {
-                let depth_m = f32::from(raw) * unit_m;
-                // 0 is no measurement and nearer than any limit.
-                if raw == u16::MAX || depth_m < config.near_m {
-                    continue;
-                }
-                let column = index as f32;
-                let at = |axis: usize| lens.eye_m[axis] + depth_m * (first[axis] + column * step[axis]);
+            let first = lens.ray(0.0, row as f32).map(of);
+            let mut column = f32x4::new([0.0, 1.0, 2.0, 3.0]);
+            for four in pixels.chunks(LANES * stride) {
+                // What is missing at the end of a row is no measurement.
+                let mut raw = [0.0; LANES];
+                raw.iter_mut()
+                    .zip(four.iter().step_by(stride))
+                    .for_each(|(raw, pixel)| *raw = f32::from(*pixel));
+                let raw = f32x4::new(raw);
+                let depth_m = raw * of(frame.metres_per_unit);
+                let at = |axis: usize| of(lens.eye_m[axis]) + depth_m * (first[axis] + column * step[axis]);
                 let (x_m, y_m, z_m) = (at(0), at(1), at(2));
-                let sector = self.fan.sector(x_m, y_m);
-                self.tally.see(sector);
+                column += of(LANES as f32);
+                // 0 is no measurement and nearer than any limit.
+                let seen = raw.simd_lt(of(f32::from(u16::MAX))) & depth_m.simd_ge(of(near_m));
                 let range_m = (x_m * x_m + y_m * y_m).sqrt();
-                let floor_m = config.floor_cut_m + self.floor_per_m * range_m;
-                if z_m > floor_m && z_m < config.band_top_m && depth_m <= config.far_m {
-                    self.tally.block(sector, range_m);
+                let floor_m = of(floor_cut_m) + of(self.floor_per_m) * range_m;
+                let is_high = z_m.simd_gt(floor_m) & z_m.simd_lt(of(band_top_m));
+                let (seen, blocks) =
+                    (seen.to_bitmask(), (seen & is_high & depth_m.simd_le(of(far_m))).to_bitmask());
+                for (lane, sector) in self.fan.sectors(x_m, y_m).into_iter().enumerate() {
+                    if seen >> lane & 1 == 1 {
+                        self.tally.see(sector);
+                    }
+                    if blocks >> lane & 1 == 1 {
+                        self.tally.block(sector, range_m.as_array()[lane]);
+                    }
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep_msgs::Isometry;
+
+    /// Frames of every width and stride, pixels at random, some of them not measured or saturated, some at the end of a row.
+    #[test]
+    fn pixels_side_by_side_are_counted_as_each_alone() {
+        let text = include_str!("../../../launch/robots/loomo.toml");
+        let robot = Robot::from_toml("loomo.toml", text).unwrap();
+        let mut frame: Box<DepthFrame> = Box::default();
+        (frame.height, frame.metres_per_unit, frame.capture_ns) = (60, 0.001, 1);
+        (frame.fx_px, frame.fy_px, frame.cx_px, frame.cy_px) = (76.0, 77.0, 41.0, 29.5);
+        frame.camera = Isometry::camera(0.1, 0.02, 0.55, 0.17);
+        let mut state = 1_u64;
+        for (width, stride) in (80..92).flat_map(|width| (1..4).map(move |stride| (width, stride))) {
+            frame.width = width;
+            for pixel in &mut frame.pixels[..60 * width as usize] {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                *pixel = [0, u16::MAX, (state >> 48) as u16 % 4000, 1200][(state >> 40) as usize % 4];
+            }
+            let mut guard = Guard::new(&Config::STANDARD, &robot).unwrap();
+            let _ = guard.step(&frame, &mut NearField::default());
+            let support = Support { pixels_at_1_m: 9.0, pixels_min: 4.0, depth_m: 0.06, sigma_at_1_m: 0.0 };
+            guard.tally.begin(&support);
+            let lens = Lens::new(&frame);
+            guard.count(&frame, &lens, stride);
+            let mut alone = Tally::new();
+            alone.begin(&support);
+            for row in (0..60).step_by(stride) {
+                for column in (0..width as usize).step_by(stride) {
+                    let raw = frame.pixels[row * width as usize + column];
+                    let depth_m = f32::from(raw) * 0.001;
+                    if raw == u16::MAX || depth_m < 0.35 {
+                        continue;
+                    }
+                    let (first, step) = (lens.ray(0.0, row as f32), lens.per_column());
+                    let steps = (column / stride) as f32;
+                    let [x_m, y_m, z_m] = [0, 1, 2].map(|axis| {
+                        lens.eye_m[axis] + depth_m * (first[axis] + steps * (step[axis] * stride as f32))
+                    });
+                    let [sector, ..] = guard.fan.sectors(f32x4::splat(x_m), f32x4::splat(y_m));
+                    alone.see(sector);
+                    let range_m = (x_m * x_m + y_m * y_m).sqrt();
+                    let floor_m = 0.05 + guard.floor_per_m * range_m;
+                    if z_m > floor_m && z_m < 0.9 && depth_m <= 3.5 {
+                        alone.block(sector, range_m);
+                    }
+                }
+            }
+            assert!(guard.tally == alone, "{width} by {stride}");
         }
     }
 }

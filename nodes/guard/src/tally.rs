@@ -35,7 +35,7 @@ impl Support {
 }
 
 /// The counts of one frame.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub(crate) struct Tally {
     /// Pixels in the way.
     counts: Box<[[u16; BINS]; NEAR_SECTORS]>,

@@ -7,7 +7,7 @@ use sidestep_msgs::Robot;
 ///
 /// The delays are those of `nodes/arbiter/src/ahead.rs`: the longest dead time, the lag, and the time for which a command
 /// is assumed to hold; with them the oldest map on which the arbiter drives (`map_age_s`), since what came into view
-/// later is not in it. Braking is the weakest of the base and of the commands. As in `tube.rs`, speed may be higher by the
+/// later is not in it. Braking is the weakest of the base and of the commands. As in `member.rs`, speed may be higher by the
 /// tracking error, and the outline of such a base is wider by margin and half the gap between two poses.
 #[must_use]
 pub fn reach_m(robot: &Robot, config: &Config, speed_m_s: f64) -> f64 {
