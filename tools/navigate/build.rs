@@ -1,15 +1,18 @@
-//! Gathers the arbiter's code without comments and tests, so that kilometres of one arbiter are not counted for another.
+//! Gathers the code of arbiter and mapper without comments and tests, so that kilometres of one are not counted for another.
 
 use std::io::{Error, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-const ARBITER: &str = "../../nodes/arbiter/src";
+const NODES: [&str; 2] = ["../../nodes/arbiter/src", "../../nodes/mapper/src"];
 
 fn main() -> Result<(), Error> {
-    writeln!(std::io::stdout(), "cargo:rerun-if-changed={ARBITER}")?;
-    let paths: Result<Vec<PathBuf>, Error> =
-        std::fs::read_dir(ARBITER)?.map(|entry| entry.map(|entry| entry.path())).collect();
-    let mut paths = paths?;
+    let mut paths = Vec::new();
+    for node in NODES {
+        writeln!(std::io::stdout(), "cargo:rerun-if-changed={node}")?;
+        for entry in std::fs::read_dir(node)? {
+            paths.push(entry?.path());
+        }
+    }
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "rs"));
     paths.sort();
     let mut code = String::new();
@@ -22,5 +25,5 @@ fn main() -> Result<(), Error> {
         }
     }
     let folder = std::env::var("OUT_DIR").map_err(Error::other)?;
-    std::fs::write(Path::new(&folder).join("arbiter.txt"), code)
+    std::fs::write(Path::new(&folder).join("nodes.txt"), code)
 }

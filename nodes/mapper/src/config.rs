@@ -40,7 +40,7 @@ pub struct Config {
     pub forget_occupied_s: f32,
     /// `[m]` expected pose drift since the last sight after which any cell is unknown again.
     pub forget_drift_m: f32,
-    /// `[m]` distance at which a heading error counts towards the drift.
+    /// `[m]` farthest distance at which a heading error counts towards the drift; what is nearer to a turn moves less.
     pub drift_lever_m: f32,
     /// `[s]` widest gap between two odometry samples that is still interpolated.
     pub odometry_gap_s: f32,

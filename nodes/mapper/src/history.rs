@@ -46,6 +46,8 @@ pub(crate) enum Arrival {
 pub(crate) struct History {
     /// `[m]` pose error expected to have accumulated since the start.
     pub(crate) drift_m: f64,
+    /// `[m]` the part of it that turns made, at the lever.
+    pub(crate) turned_m: f64,
     /// Pose epoch of all samples.
     pub(crate) pose_epoch: u32,
     /// 1 when the newest message was not finite.
@@ -92,8 +94,9 @@ impl History {
                 }
                 let turn = sidestep_msgs::wrap_angle(odometry.pose.yaw_rad - last.pose.yaw_rad).abs();
                 let start = &robot.start;
-                self.drift_m += f64::from(start.drift_per_m) * step_m
-                    + f64::from(start.drift_per_rad) * f64::from(lever_m) * turn;
+                let turned_m = f64::from(start.drift_per_rad) * f64::from(lever_m) * turn;
+                self.turned_m += turned_m;
+                self.drift_m += f64::from(start.drift_per_m) * step_m + turned_m;
             }
         }
         if arrival == Arrival::Jumped {
@@ -156,7 +159,8 @@ impl History {
     pub(crate) fn is_sound(&self) -> bool {
         let ring = self.count <= SAMPLES as u64 && self.next < SAMPLES as u64;
         let finite = |s: &Sample| s.pose.is_finite() && s.roll_rad.is_finite() && s.pitch_rad.is_finite();
-        ring && self.drift_m.is_finite() && self.samples.iter().all(|s| finite(s) && s.twist.is_finite())
+        ring && (self.drift_m + self.turned_m).is_finite()
+            && self.samples.iter().all(|s| finite(s) && s.twist.is_finite())
     }
 }
 
@@ -228,5 +232,6 @@ mod tests {
             let _ = history.push(&Odometry { pose, ..message((step + 1) * 10_000_000, 0.0) }, &robot, 1.0);
         }
         assert!((history.drift_m - 0.15).abs() < 1e-6, "{}", history.drift_m);
+        assert!((history.turned_m - 0.05).abs() < 1e-6, "{}", history.turned_m);
     }
 }

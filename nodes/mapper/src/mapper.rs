@@ -28,9 +28,9 @@ pub(crate) struct Memory {
     pub(crate) scan_ns: u64,
     /// Pose of the newest frame taken.
     pub(crate) pose: Pose2,
-    /// `[m]` drift when it was taken.
+    /// `[m]` drift when it was taken, and the part of it that turns made.
     pub(crate) drift_m: f32,
-    pub(crate) _pad0: u32,
+    pub(crate) turned_m: f32,
     pub(crate) pose_epoch: u32,
     pub(crate) refused: u32,
     /// 1 once the start disc was granted or may no longer be.
@@ -182,6 +182,9 @@ impl Mapper {
             self.memory.pose_epoch = self.history.pose_epoch;
             self.memory.drift_m = now.drift_m;
             self.grid.recentre(&body.pose);
+            let turned_m = self.history.turned_m as f32;
+            self.grid.spare(&body.pose, turned_m - self.memory.turned_m, self.config.drift_lever_m, &now);
+            self.memory.turned_m = turned_m;
         }
         if self.memory.disc_settled == 0 {
             self.memory.disc_settled = 1;

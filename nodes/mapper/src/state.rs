@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use sidestep_msgs::MAPPER_STATE_BYTES;
 
 /// Version of the layout below.
-const VERSION: u64 = 0x6d61_7070_6572_0002;
+const VERSION: u64 = 0x6d61_7070_6572_0003;
 
 /// Everything but the cells.
 #[derive(Debug, Clone, Copy, Zeroable, Pod)]
@@ -63,8 +63,10 @@ impl Mapper {
         let within = |cell: &[u8]| f32::from_ne_bytes([cell[0], cell[1], cell[2], cell[3]]).abs() < 1e6;
         let finite = log_odds.chunks_exact(4).chain(drift_m.chunks_exact(4)).all(within);
         let placed = head.origin.iter().all(|part| part.abs_diff(0) < 1 << 28);
-        let sound =
-            head.history.is_sound() && head.memory.pose.is_finite() && head.memory.drift_m.is_finite();
+        let sound = head.history.is_sound()
+            && head.memory.pose.is_finite()
+            && head.memory.drift_m.is_finite()
+            && head.memory.turned_m.is_finite();
         if head.version != VERSION || !(finite && placed && sound) {
             return false;
         }

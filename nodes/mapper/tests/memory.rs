@@ -335,3 +335,53 @@ fn a_near_ultrasonic_reading_blocks_its_arc_until_it_sees_past() {
         assert!(is_free(at(&map, 0.3, 0.0)), "before the arc");
     }
 }
+
+/// A box before the left part of the sensor's cone, driven up to: its echo marks nothing that the camera sees to be free. What is
+/// too low for the beam explains nothing, nor does anything explain an echo at the near limit.
+#[test]
+fn an_echo_of_what_the_camera_saw_marks_no_arc() {
+    // Height of the box, reading, and whether its arc is marked.
+    for (height_m, range_m, marks) in
+        [(0.6, 0.36, false), (0.2, 0.36, true), (0.6, 0.25, true), (0.6, f32::NAN, false), (0.0, 0.36, true)]
+    {
+        let scene = Scene::default().stand([1.45, 1.6], [0.05, 0.4], height_m);
+        let mut mapper = mapper(true);
+        let mut count = 0;
+        let mut sees = |mapper: &mut Mapper, x_m: f64| {
+            count += 1;
+            look(mapper, &scene, &View::level(Pose2::new(x_m, 0.0, 0.0)), count);
+            count
+        };
+        for step in 0..=25 {
+            sees(&mut mapper, 0.04 * f64::from(step));
+        }
+        // The sensor is at 1.1 m, the box 0.35 m before it and 5 cm to the left.
+        let last = sees(&mut mapper, 1.0);
+        mapper.ranges(&sonar(last * PERIOD_NS, range_m));
+        sees(&mut mapper, 1.0);
+        let map = safety(&mapper);
+        let beside_m = if range_m < 0.3 { 1.36 } else { 1.46 };
+        assert_eq!(!is_free(at(&map, beside_m, -0.08)), marks, "{range_m} before {height_m}");
+    }
+}
+
+/// Something that only the sensor hears, then a box beside it at the same range, for 12 s: what was marked stays so while there is
+/// an echo, and goes without.
+#[test]
+fn a_mark_from_before_the_camera_knew_of_anything_stays_while_it_is_heard() {
+    let view = View::level(Pose2::new(1.0, 0.0, 0.0));
+    for hears in [true, false] {
+        let mut mapper = mapper(true);
+        look(&mut mapper, &Scene::default(), &view, 1);
+        mapper.ranges(&sonar(PERIOD_NS, 0.36));
+        let scene = Scene::default().stand([1.45, 1.6], [0.05, 0.4], 0.6);
+        for count in 2..362 {
+            look(&mut mapper, &scene, &view, count);
+            if hears {
+                mapper.ranges(&sonar(count * PERIOD_NS, 0.36));
+            }
+        }
+        look(&mut mapper, &scene, &view, 362);
+        assert_eq!(is_free(at(&safety(&mapper), 1.46, -0.08)), !hears);
+    }
+}

@@ -1,4 +1,4 @@
-//! What long suites add up to: a file with one account for each arbiter, robot and way of seeing, and in it one for each
+//! What long suites add up to: a file with one account for each arbiter, mapper, robot and way of seeing, and in it one for each
 //! driver.
 
 use crate::error::NavigateError;
@@ -41,7 +41,7 @@ pub struct Tally {
     pub distance_m: f64,
     /// `[s]` time driven.
     pub time_s: f64,
-    /// Times the filter kept the robot standing for half a second against a wish to drive on.
+    /// Places at which the filter kept the robot standing for half a second against a wish to drive on.
     pub stops: u64,
     /// Of them those where nothing stood in the tube of the wish.
     pub false_stops: u64,

@@ -5,11 +5,11 @@
 
 use crate::error::NavigateError;
 use crate::ledger::{Account, Contact, Tally};
-use crate::pilot::{Conditions, Ending, Pilot, STANDING, setup};
+use crate::pilot::{Conditions, Ending, Pilot, is_standing, setup};
 use crate::room::{GRADES, room};
 use sidestep_crew::in_order;
 use sidestep_drive::{Drive, Lead, Sight};
-use sidestep_msgs::{Command, Limits, Reason, Robot, Twist};
+use sidestep_msgs::{Command, Limits, Pose2, Reason, Robot, Twist};
 use sidestep_policy::fingerprint;
 use sidestep_train::Random;
 
@@ -20,16 +20,18 @@ const BLOCK_LEAST_M: f64 = 0.1;
 /// Rooms, and seconds in each, that tell one chain in front of the arbiter from another.
 const PROBES: u64 = 2;
 const PROBE_S: f64 = 20.0;
-/// The arbiter's code without its comments: what a few drives do not show tells one from another too.
-const ARBITER: &str = include_str!(concat!(env!("OUT_DIR"), "/arbiter.txt"));
+/// The code of arbiter and mapper without its comments: what a few drives do not show tells one from another too.
+const NODES: &str = include_str!(concat!(env!("OUT_DIR"), "/nodes.txt"));
 /// Seed of those rooms.
 const PROBE_SEED: u64 = 0x4c4f_4e47;
 /// Steps of the tube that a wish would have needed.
 const TUBE_STEPS: usize = 40;
 /// `[m/s]` a wish slower than this is none to drive on.
 const WISHED_M_S: f32 = 0.1;
-/// A stop lasts this many ticks of 10 ms, however the robot turns.
+/// A stop lasts this many ticks of 10 ms.
 const STOOD_TICKS: u32 = 50;
+/// `[m]` from where a stop was counted, the next one is another.
+const MOVED_M: f64 = 0.05;
 /// Name of the driver that does not care: full speed, turning at random.
 pub const RECKLESS: &str = "reckless";
 
@@ -52,7 +54,7 @@ pub struct LongOptions<'a> {
     pub threads: usize,
 }
 
-/// Fingerprint of the arbiter's code, of the robot, of the time limit, and of how the chain behaves with this way of seeing:
+/// Fingerprint of the code of arbiter and mapper, of the robot, of the time limit, and of how the chain behaves with this way of seeing:
 /// twist and reason of every command of a few drives of the expert. Whatever changes one of these opens a new account; a comment
 /// does not.
 ///
@@ -62,7 +64,7 @@ pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
     let conditions = Conditions { lead: Lead::Expert, arbitrated: true, sight: options.sight };
     let mut bytes = options.robot.hash().to_le_bytes().to_vec();
     bytes.extend(options.limit_s.to_le_bytes());
-    bytes.extend(ARBITER.bytes());
+    bytes.extend(NODES.bytes());
     for number in 0..PROBES {
         let mut drive = Drive::new(setup(options.robot, &room(PROBE_SEED, number), conditions))?;
         while drive.outcome().time_s < PROBE_S {
@@ -173,6 +175,8 @@ struct Refusals {
     brake_m_s2: f64,
     /// Ticks of standing so.
     stood: u32,
+    /// Where it stood when that was counted last.
+    counted: Option<Pose2>,
     stops: u64,
     false_stops: u64,
 }
@@ -184,15 +188,20 @@ impl Refusals {
             dead_time_s: f64::from(robot.actuator.dead_time_max_s + hold_s),
             brake_m_s2: f64::from(robot.actuator.brake_min_m_s2),
             stood: 0,
+            counted: None,
             stops: 0,
             false_stops: 0,
         }
     }
 
     fn note(&mut self, drive: &Drive) {
-        let stands = drive.truth().twist.v_m_s.abs() < STANDING && is_refused(drive.command());
+        let stands = is_standing(drive.truth().twist) && is_refused(drive.command());
         self.stood = if stands { self.stood + 1 } else { 0 };
-        if self.stood == STOOD_TICKS {
+        let pose = drive.truth().pose;
+        // Whoever has not moved since stands there still, whatever else was tried.
+        self.counted = self.counted.filter(|counted| counted.distance_m(&pose) < MOVED_M);
+        if self.stood == STOOD_TICKS && self.counted.is_none() {
+            self.counted = Some(pose);
             self.stops += 1;
             self.false_stops += u64::from(self.is_free(drive));
         }
@@ -257,7 +266,6 @@ impl Tally {
 mod tests {
     use super::*;
     use sidestep_drive::Setup;
-    use sidestep_msgs::Pose2;
     use sidestep_sim::{Solid, World};
 
     fn loomo() -> Robot {
@@ -285,11 +293,11 @@ mod tests {
     }
 
     #[test]
-    fn the_arbiters_code_is_known_without_comments_and_tests() {
-        for part in ["const REFUSED_NS: u64", "impl Arbiter {", "HELD_GAP_M"] {
-            assert!(ARBITER.contains(part), "{part}");
+    fn the_code_of_arbiter_and_mapper_is_known_without_comments_and_tests() {
+        for part in ["const REFUSED_NS: u64", "impl Arbiter {", "HELD_GAP_M", "SEES_PAST_M"] {
+            assert!(NODES.contains(part), "{part}");
         }
-        assert!(ARBITER.lines().all(|line| !line.starts_with("//") && !line.starts_with("#[test]")));
+        assert!(NODES.lines().all(|line| !line.starts_with("//") && !line.starts_with("#[test]")));
     }
 
     /// Boxed in on all sides, since before a single wall there is a way out.

@@ -11,7 +11,7 @@ use sidestep_policy::Policy;
 /// Ticks of 10 ms between two judgements of the command: 0.5 s.
 const JUDGED_TICKS: u64 = 50;
 /// `[m/s]` and [rad/s] slower than this is standing.
-pub(crate) const STANDING: f32 = 0.02;
+const STANDING: f32 = 0.02;
 /// Columns and rows of the rendered depth: half the camera's, which the mapper sees the floor with as well.
 pub(crate) const PIXELS: (u32, u32) = (320, 240);
 
@@ -186,6 +186,7 @@ impl<'a> Pilot<'a> {
     }
 }
 
-fn is_standing(twist: Twist) -> bool {
+/// Whether a robot neither drives nor turns.
+pub(crate) fn is_standing(twist: Twist) -> bool {
     twist.v_m_s.abs() < STANDING && twist.w_rad_s.abs() < STANDING
 }

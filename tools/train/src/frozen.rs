@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x9c55_2fa4_210e_39a8,
+        content_hash: 0x3873_1f8e_82c4_c5ec,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x2d09_4850_16d1_2490,
+        content_hash: 0xf69d_fc4b_a38d_733a,
     },
 ];
 
