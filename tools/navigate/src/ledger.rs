@@ -45,6 +45,12 @@ pub struct Tally {
     pub stops: u64,
     /// Of them those where nothing stood in the tube of the wish.
     pub false_stops: u64,
+    /// Numbers of the rooms that were not crossed in time, to be driven again.
+    #[serde(default)]
+    pub late: Vec<u64>,
+    /// Numbers of the rooms with a false stop.
+    #[serde(default)]
+    pub held_up: Vec<u64>,
     /// Every contact.
     pub contacts: Vec<Contact>,
 }
@@ -152,6 +158,19 @@ impl Tally {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The kilometres that the README tells of: nothing was touched, under every driver, and each drove its share.
+    #[test]
+    fn the_account_of_the_readme_holds_no_contact() {
+        let ledger: Ledger = serde_json::from_str(include_str!("../ledger.json")).unwrap();
+        for account in &ledger.accounts {
+            println!("{} {} {}", account.behaviour, account.sight, account.line());
+            assert_eq!(account.contacts(), 0);
+            for (driver, tally) in &account.drivers {
+                assert!(tally.distance_m > 0.15 * account.distance_m(), "{driver}: {}", tally.line());
+            }
+        }
+    }
 
     #[test]
     fn a_ledger_is_what_was_written_and_keeps_accounts_apart() {

@@ -149,11 +149,12 @@ fn cross(
         refusals.note(&drive);
     }
     (tally.stops, tally.false_stops) = (refusals.stops, refusals.false_stops);
+    tally.held_up.extend((refusals.false_stops > 0).then_some(number));
     let outcome = drive.outcome();
     (tally.distance_m, tally.time_s) = (outcome.distance_m, outcome.time_s);
     match Ending::of(outcome, goals) {
         Ending::Reached => tally.reached = 1,
-        Ending::Late => {}
+        Ending::Late => tally.late.push(number),
         Ending::Contact => {
             let pose = drive.truth().pose;
             let at_m = [pose.x_m, pose.y_m];
@@ -258,6 +259,8 @@ impl Tally {
         self.time_s += other.time_s;
         self.stops += other.stops;
         self.false_stops += other.false_stops;
+        self.late.extend(&other.late);
+        self.held_up.extend(&other.held_up);
         self.contacts.extend(other.contacts.iter().cloned());
     }
 }
