@@ -357,6 +357,24 @@ mod tests {
         assert!((0.005..0.006).contains(&most_m), "{most_m}");
     }
 
+    /// A post of 3 cm on the way, wherever: the robot would rest beyond it, and is looked for before.
+    #[test]
+    fn what_would_be_driven_over_is_met() {
+        let candidate =
+            Candidate { motion: Motion::steady(Twist::new(1.0, 0.0)), comfort: true, lately_seen: false };
+        let is_free = |posts: &[[f64; 4]]| {
+            let mut stage = Stage::new(&Config::STANDARD, posts);
+            stage.ticks(10);
+            let situation = stage.arbiter.situation(stage.now_ns - TICK).unwrap();
+            stage.arbiter.tube.check(&situation, &stage.arbiter.space, &candidate).is_ok()
+        };
+        assert!(is_free(&[]));
+        for step in 0..12 {
+            let x_m = 0.25 + 0.05 * f64::from(step);
+            assert!(!is_free(&[[x_m, 0.1, x_m + 0.03, 0.13]]), "{x_m}");
+        }
+    }
+
     /// A speed that nobody knows, of the base or of a command on its way, leaves no candidate, though commands have arrived since.
     #[test]
     fn nothing_is_free_for_a_base_of_unknown_speed() {
