@@ -355,12 +355,12 @@ fn an_echo_of_what_the_camera_saw_marks_no_arc() {
         for step in 0..=25 {
             sees(&mut mapper, 0.04 * f64::from(step));
         }
-        // The sensor is at 1.1 m, the box 0.35 m before it and 5 cm to the left.
-        let last = sees(&mut mapper, 1.0);
+        // The sensor is 0.1 m farther on, the box 0.35 m before it, or 0.27 m, and 5 cm to the left.
+        let (x_m, beside_m) = if range_m < 0.3 { (1.08, 1.42) } else { (1.0, 1.46) };
+        let last = sees(&mut mapper, x_m);
         mapper.ranges(&sonar(last * PERIOD_NS, range_m));
-        sees(&mut mapper, 1.0);
+        sees(&mut mapper, x_m);
         let map = safety(&mapper);
-        let beside_m = if range_m < 0.3 { 1.36 } else { 1.46 };
         assert_eq!(!is_free(at(&map, beside_m, -0.08)), marks, "{range_m} before {height_m}");
     }
 }
