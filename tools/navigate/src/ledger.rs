@@ -45,7 +45,7 @@ pub struct Tally {
     pub stops: u64,
     /// Of them those where nothing stood in the tube of the wish.
     pub false_stops: u64,
-    /// Numbers of the rooms that were not crossed in time, to be driven again.
+    /// Numbers of the rooms that a lead did not cross in time, to be driven again.
     #[serde(default)]
     pub late: Vec<u64>,
     /// Numbers of the rooms with a false stop.

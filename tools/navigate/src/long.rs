@@ -149,12 +149,12 @@ fn cross(
         refusals.note(&drive);
     }
     (tally.stops, tally.false_stops) = (refusals.stops, refusals.false_stops);
-    tally.held_up.extend((refusals.false_stops > 0).then_some(number));
+    tally.held_up.extend((lead.is_some() && refusals.false_stops > 0).then_some(number));
     let outcome = drive.outcome();
     (tally.distance_m, tally.time_s) = (outcome.distance_m, outcome.time_s);
     match Ending::of(outcome, goals) {
         Ending::Reached => tally.reached = 1,
-        Ending::Late => tally.late.push(number),
+        Ending::Late => tally.late.extend(lead.map(|_| number)),
         Ending::Contact => {
             let pose = drive.truth().pose;
             let at_m = [pose.x_m, pose.y_m];
