@@ -19,7 +19,7 @@ pub(crate) struct LongArguments {
     /// `[km]` way of the whole account at which to end; what earlier calls drove counts. Without it 1.
     #[arg(long)]
     km: Option<f64>,
-    /// File that the suite adds up in, one account for each behaviour of arbiter and robot; without it `ledger.json`.
+    /// File that the suite adds up in, one account for each arbiter, mapper and robot; without it `ledger.json`.
     #[arg(long)]
     ledger: Option<PathBuf>,
     /// How the robot sees in it; without it through its camera.

@@ -178,8 +178,8 @@ impl Four {
     fn begin(&self, told: &Told) -> Begin {
         let is_slow = self.v_m_s.abs().simd_lt(f32x4::splat(REST_M_S))
             & self.w_rad_s.abs().simd_lt(f32x4::splat(REST_RAD_S));
-        let is_told = (told.v_m_s.abs() + told.w_rad_s.abs()).simd_le(f32x4::ZERO);
-        let rests = is_slow & is_told & told.stops;
+        let is_told_rest = (told.v_m_s.abs() + told.w_rad_s.abs()).simd_le(f32x4::ZERO);
+        let rests = is_slow & is_told_rest & told.stops;
         let moved_m = rests.bitselect(f32x4::splat(f32::INFINITY), self.moved_m);
         Begin { x_m: self.x_m, y_m: self.y_m, cos: self.cos, sin: self.sin, moved_m, rests }
     }

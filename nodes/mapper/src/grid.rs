@@ -84,6 +84,13 @@ pub(crate) struct Grid {
     pub(crate) trust: Trust,
 }
 
+/// The cells of the window within `reach` cells of a point along both axes, row by row.
+pub(crate) fn cells_near(centre: [f32; 2], reach: f32) -> impl Iterator<Item = [usize; 2]> + Clone {
+    let bound = |edge: f32| edge.clamp(0.0, SIDE as f32) as usize;
+    let [xs, ys] = centre.map(|part| bound(part - reach)..bound(part + reach + 1.0));
+    ys.flat_map(move |y| xs.clone().map(move |x| [x, y]))
+}
+
 fn phase(origin: i32) -> usize {
     origin.rem_euclid(SIDE as i32) as usize
 }
@@ -204,15 +211,12 @@ impl Grid {
         }
         let [near_x, near_y] = self.window(pose.x_m, pose.y_m);
         let reach = lever_m / CELL_M as f32;
-        let bound = |edge: f32| edge.clamp(0.0, SIDE as f32) as usize;
-        for y in bound(near_y - reach)..bound(near_y + reach + 1.0) {
-            for x in bound(near_x - reach)..bound(near_x + reach + 1.0) {
-                let (dx, dy) = (x as f32 + 0.5 - near_x, y as f32 + 0.5 - near_y);
-                let spared = 1.0 - (dx * dx + dy * dy).sqrt() / reach;
-                let index = self.index(x, y);
-                if spared > 0.0 {
-                    self.drift_m[index] = (self.drift_m[index] + spared * turned_m).min(now.drift_m);
-                }
+        for [x, y] in cells_near([near_x, near_y], reach) {
+            let (dx, dy) = (x as f32 + 0.5 - near_x, y as f32 + 0.5 - near_y);
+            let spared = 1.0 - (dx * dx + dy * dy).sqrt() / reach;
+            let index = self.index(x, y);
+            if spared > 0.0 {
+                self.drift_m[index] = (self.drift_m[index] + spared * turned_m).min(now.drift_m);
             }
         }
     }

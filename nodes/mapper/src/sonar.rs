@@ -8,7 +8,7 @@
 //! and what the camera knew is there again.
 
 use crate::config::Config;
-use crate::grid::{ALL_BANDS, CELL_M, Grid, Moment, SIDE};
+use crate::grid::{ALL_BANDS, CELL_M, Grid, Moment, cells_near};
 use sidestep_msgs::{Pose2, RANGES_MAX, Range, Ranges};
 
 /// `[m]` what the sensor must see past a mark.
@@ -46,17 +46,15 @@ fn mark(range: &Range, pose: &Pose2, config: &Config, now: &Moment, grid: &mut G
     let past_m = range.range_m.min(range.far_m.max(0.0)).min(3.0) - SEES_PAST_M;
     let reach = (config.sonar_below_m + 2.0 * cell_m) / cell_m;
     let (edge_sin, edge_cos) = libm::sincosf(0.5 * range.field_of_view_rad);
-    let bound = |edge: f32| edge.clamp(0.0, SIDE as f32) as usize;
-    let (xs, ys) = (bound(sx - reach)..bound(sx + reach + 1.0), bound(sy - reach)..bound(sy + reach + 1.0));
     // Every cell whose middle lies in the cone, with its distance. Half a cell more on both sides, so that the arc has no gaps.
-    let in_cone = ys.flat_map(|y| xs.clone().map(move |x| (x, y))).filter_map(|(x, y)| {
+    let in_cone = cells_near([sx, sy], reach).filter_map(|[x, y]| {
         let (dx, dy) = ((x as f32 + 0.5 - sx) * cell_m, (y as f32 + 0.5 - sy) * cell_m);
         let (ahead, aside) = (dx * cos + dy * sin, (dy * cos - dx * sin).abs());
         let is_in = ahead > 0.0 && aside * edge_cos - ahead * edge_sin <= 0.5 * cell_m;
-        is_in.then(|| ((x, y), (dx * dx + dy * dy).sqrt()))
+        is_in.then(|| ([x, y], (dx * dx + dy * dy).sqrt()))
     });
     let off_m = |distance_m: f32| (distance_m - range.range_m).abs();
-    let is_held = |(x, y): (usize, usize)| {
+    let is_held = |[x, y]: [usize; 2]| {
         let index = grid.index(x, y);
         let bands = grid.bands[index];
         let is_met = bands & MIDDLE != 0 || bands & BESIDE == BESIDE;
@@ -67,7 +65,7 @@ fn mark(range: &Range, pose: &Pose2, config: &Config, now: &Moment, grid: &mut G
     let is_known =
         says_where && in_cone.clone().any(|(cell, distance_m)| off_m(distance_m) <= HEARD_M && is_held(cell));
     let hold = (config.sonar_hold_s * 100.0) as u32;
-    for ((x, y), distance_m) in in_cone {
+    for ([x, y], distance_m) in in_cone {
         let index = grid.index(x, y);
         if marks && off_m(distance_m) <= cell_m {
             // What was marked before the camera knew of anything may be something else.

@@ -1,5 +1,5 @@
-//! What long suites add up to: a file with one account for each arbiter, mapper, robot and way of seeing, and in it one for each
-//! driver.
+//! What long suites add up to: a file with one account for each arbiter, mapper, robot and way of seeing, and in it one for
+//! each driver.
 
 use crate::error::NavigateError;
 use serde::{Deserialize, Serialize};
@@ -46,10 +46,8 @@ pub struct Tally {
     /// Of them those where nothing stood in the tube of the wish.
     pub false_stops: u64,
     /// Numbers of the rooms that a lead did not cross in time, to be driven again.
-    #[serde(default)]
     pub late: Vec<u64>,
-    /// Numbers of the rooms with a false stop.
-    #[serde(default)]
+    /// Numbers of the rooms in which a lead had a false stop.
     pub held_up: Vec<u64>,
     /// Every contact.
     pub contacts: Vec<Contact>,

@@ -54,9 +54,9 @@ pub struct LongOptions<'a> {
     pub threads: usize,
 }
 
-/// Fingerprint of the code of arbiter and mapper, of the robot, of the time limit, and of how the chain behaves with this way of seeing:
-/// twist and reason of every command of a few drives of the expert. Whatever changes one of these opens a new account; a comment
-/// does not.
+/// Fingerprint of the code of arbiter and mapper, of the robot, of the time limit, and of how the chain behaves with this way
+/// of seeing: twist and reason of every command of a few drives of the expert. Whatever changes one of these opens a new
+/// account; a comment does not.
 ///
 /// # Errors
 /// [`NavigateError`] where a model or a node refuses.
