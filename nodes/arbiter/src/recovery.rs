@@ -337,6 +337,7 @@ impl Recovery {
     fn give_up(&mut self, moment: &Moment<'_>, planner: &mut Planner, is_refused: bool) {
         self.trouble = *moment.pose;
         if is_refused && self.refused_by == HeldBack::Unseen as u32 {
+            self.held_back = self.refused_by;
             self.go_on(moment, planner);
         } else {
             self.begin(FOLLOW, moment.now_ns, moment.pose);

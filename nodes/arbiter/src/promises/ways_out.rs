@@ -76,6 +76,29 @@ fn a_way_out_that_closes_is_given_up() {
     assert!((1..40).contains(&led) && stage.arbiter.memory.recovery.ways_out().0 == 1, "{led} ticks");
 }
 
+/// Led on because it crawls, until floor that nobody saw is in the way, with too little room behind for a place to see it from:
+/// it backs up as far as it can, and does not try to go on first.
+#[test]
+fn a_way_out_that_meets_unseen_floor_is_left_backward_at_once() {
+    let mut stage = Stage::new(&CONFIG, &[]);
+    stage.wish = Twist::new(0.02, 0.0);
+    let drives_on = |stage: &mut Stage| {
+        tick_towards(stage, [4.0, 0.0]);
+        is_led_out(stage) && stage.twist.v_m_s > 0.2
+    };
+    assert!((0..1000).any(|_| drives_on(&mut stage)));
+    let x_m = stage.pose.x_m;
+    stage.unseen = vec![[x_m + 0.5, -4.0, 4.0, 4.0]];
+    stage.solids = vec![[x_m - 0.7, -4.0, x_m - 0.5, 4.0], [-4.0, 0.5, 4.0, 4.0], [-4.0, -4.0, 4.0, -0.5]];
+    let mut stood = 0;
+    let backs_up = (0..400).any(|_| {
+        tick_towards(&mut stage, [4.0, 0.0]);
+        stood += u32::from(stage.twist.v_m_s.abs() < 0.01);
+        stage.command.wish.v_m_s < 0.0
+    });
+    assert!(backs_up && stood < 30, "stood {stood} ticks: {:?} {:?}", stage.pose, stage.command);
+}
+
 /// Before a band of floor that nobody saw, without an inch seen beyond: it goes to where the camera sees the band, and looks.
 #[test]
 fn it_goes_to_where_it_sees_the_floor_that_it_does_not_know() {
