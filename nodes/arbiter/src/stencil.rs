@@ -28,6 +28,28 @@ pub(crate) const STEPS: [[i32; 2]; HEADINGS] = [
     [2, -2],
     [3, -1],
 ];
+/// The steps as vectors of length 1: a root takes too long to be asked for at each place.
+const DIRECTIONS: [[f32; 2]; HEADINGS] = [
+    [1.0, 0.0],
+    [LONG, SHORT],
+    [HALF, HALF],
+    [SHORT, LONG],
+    [0.0, 1.0],
+    [-SHORT, LONG],
+    [-HALF, HALF],
+    [-LONG, SHORT],
+    [-1.0, 0.0],
+    [-LONG, -SHORT],
+    [-HALF, -HALF],
+    [-SHORT, -LONG],
+    [0.0, -1.0],
+    [SHORT, -LONG],
+    [HALF, -HALF],
+    [LONG, -SHORT],
+];
+const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
+const LONG: f32 = 0.948_683_26;
+const SHORT: f32 = 0.316_227_76;
 /// Rows, and places in a row.
 pub(crate) const SIDE: usize = 64;
 /// First row and bit of the safety map.
@@ -60,14 +82,14 @@ pub(crate) fn middle_m(index: usize) -> f32 {
 
 /// The row, or bit, that holds a coordinate; `None` outside the window.
 pub(crate) fn index(m: f32) -> Option<usize> {
-    let index = libm::floorf(m / CELL_M + HALF_MAP) - FIRST as f32;
-    (0.0..SIDE as f32).contains(&index).then_some(index as usize)
+    let cell = m / CELL_M + HALF_MAP;
+    // Not negative, so the cast rounds down.
+    (FIRST as f32..(FIRST + SIDE) as f32).contains(&cell).then(|| cell as usize - FIRST)
 }
 
 /// The direction of a heading, as a vector of length 1.
 pub(crate) fn direction(heading: usize) -> [f32; 2] {
-    let [x, y] = STEPS[heading % HEADINGS].map(|step| step as f32);
-    unit(x, y)
+    DIRECTIONS[heading % HEADINGS]
 }
 
 fn unit(x: f32, y: f32) -> [f32; 2] {
@@ -75,27 +97,46 @@ fn unit(x: f32, y: f32) -> [f32; 2] {
     [x / length, y / length]
 }
 
-/// A window moved by rows and bits; zeros come in.
-pub(crate) fn moved(window: &Window, rows_on: i32, bits_on: i32) -> Window {
-    let mut out = [0; SIDE];
+/// Joins a window moved by rows and bits; zeros come in.
+pub(crate) fn join_moved(into: &mut Window, other: &Window, rows_on: i32, bits_on: i32) {
     let by = (rows_on.unsigned_abs() as usize).min(SIDE);
-    let (to, from) = if rows_on >= 0 {
-        (&mut out[by..], &window[..SIDE - by])
+    let (into, from) = if rows_on >= 0 {
+        (&mut into[by..], &other[..SIDE - by])
     } else {
-        (&mut out[..SIDE - by], &window[by..])
+        (&mut into[..SIDE - by], &other[by..])
     };
     let bits = bits_on.unsigned_abs();
     // One loop for each side, so that several words are shifted at once; out of the window there is nothing.
     match bits_on {
         _ if bits >= u64::BITS => {}
-        0.. => to.iter_mut().zip(from).for_each(|(to, from)| *to = from << bits),
-        _ => to.iter_mut().zip(from).for_each(|(to, from)| *to = from >> bits),
+        0.. => into.iter_mut().zip(from).for_each(|(into, from)| *into |= from << bits),
+        _ => into.iter_mut().zip(from).for_each(|(into, from)| *into |= from >> bits),
     }
-    out
 }
 
-pub(crate) fn join(into: &mut Window, other: &Window) {
-    into.iter_mut().zip(other).for_each(|(into, other)| *into |= other);
+/// Which places in a row begin a run of cells that one is blocked in: of every length that a footprint may have.
+#[derive(Debug, Clone)]
+pub(crate) struct Runs {
+    /// Those of one cell first.
+    of: Box<[Window; SIDE]>,
+}
+
+impl Runs {
+    pub(crate) fn new() -> Self {
+        Self { of: Box::new([[0; SIDE]; SIDE]) }
+    }
+
+    /// Takes what is blocked, for the runs of some stencils.
+    pub(crate) fn take(&mut self, blocked: &Window, stencils: &[Stencils]) {
+        let longest = stencils.iter().map(|stencils| stencils.longest).max().unwrap_or(0);
+        self.of[0] = *blocked;
+        for cells in 1..longest {
+            let (shorter, longer) = self.of.split_at_mut(cells);
+            for ((longer, shorter), blocked) in longer[0].iter_mut().zip(&shorter[cells - 1]).zip(blocked) {
+                *longer = shorter | blocked >> cells;
+            }
+        }
+    }
 }
 
 /// The cells under a footprint: rows from its place on, the first and last bit of each from it on. None: it is too large.
@@ -106,6 +147,8 @@ type Stencil = Vec<(i32, i32, i32)>;
 #[derive(Debug, Clone)]
 pub(crate) struct Stencils {
     passed: Vec<(Stencil, Window)>,
+    /// Cells of the longest run, up to those of a row: one that is longer lies inside the window nowhere.
+    longest: usize,
 }
 
 /// Where a way begins.
@@ -142,27 +185,24 @@ impl Stencils {
             let inside = inside(&stencil);
             (stencil, inside)
         };
-        Self { passed: (0..PASSED).map(stencil).collect() }
+        let passed: Vec<_> = (0..PASSED).map(stencil).collect();
+        let lengths = passed.iter().flat_map(|(stencil, _)| stencil.iter().map(length));
+        let longest = lengths.max().unwrap_or(1);
+        Self { passed, longest }
     }
 
     /// Places where the footprint stands free, and inside the window, in heading number `passed`.
-    pub(crate) fn free(&self, passed: usize, blocked: &Window) -> Window {
+    pub(crate) fn free(&self, passed: usize, runs: &Runs) -> Window {
         let (stencil, inside) = &self.passed[passed];
         let mut taken = [0; SIDE];
-        // Rows next to each other are often as long.
-        let (mut length, mut any) = (1, *blocked);
-        for (rows_on, low, high) in stencil {
-            if high - low + 1 != length {
-                length = high - low + 1;
-                any = runs(blocked, length);
-            }
-            join(&mut taken, &moved(&any, -rows_on, -low));
+        for run @ (rows_on, low, _) in stencil {
+            join_moved(&mut taken, &runs.of[length(run) - 1], -rows_on, -low);
         }
         std::array::from_fn(|row| inside[row] & !taken[row])
     }
 
     /// Of the two headings nearest to the robot's, and of the places round it, those of the first ring that has free ones.
-    pub(crate) fn beginning(&self, blocked: &Window, at: &Heading) -> Option<Beginning> {
+    pub(crate) fn beginning(&self, runs: &Runs, at: &Heading) -> Option<Beginning> {
         let (row, bit) = (index(at.x_m)?, index(at.y_m)?);
         let along = |heading: &usize| {
             let [x, y] = direction(*heading);
@@ -174,7 +214,7 @@ impl Stencils {
         };
         let first = nearest(HEADINGS);
         let headings = [first, nearest(first)];
-        let free = headings.map(|heading| self.free(2 * heading, blocked));
+        let free = headings.map(|heading| self.free(2 * heading, runs));
         let near = |index: usize, ring: usize| index.saturating_sub(ring)..=(index + ring).min(SIDE - 1);
         TRIES.iter().enumerate().find_map(|(off, (heading, ring))| {
             let bits = near(bit, *ring).fold(0, |bits, bit| bits | 1_u64 << bit);
@@ -189,25 +229,34 @@ impl Stencils {
     }
 }
 
+/// Cells of a run of a stencil, up to those of a row.
+fn length((_, low, high): &(i32, i32, i32)) -> usize {
+    ((high - low + 1).max(1) as usize).min(SIDE)
+}
+
 /// Places from which all cells of a stencil lie inside the window; none for one without cells.
 fn inside(stencil: &Stencil) -> Window {
     let mut inside = [if stencil.is_empty() { 0 } else { u64::MAX }; SIDE];
     for (rows_on, low, high) in stencil {
         for bits_on in [*low, *high] {
-            let within = moved(&[u64::MAX; SIDE], -rows_on, -bits_on);
+            let mut within = [0; SIDE];
+            join_moved(&mut within, &[u64::MAX; SIDE], -rows_on, -bits_on);
             inside.iter_mut().zip(within).for_each(|(inside, within)| *inside &= within);
         }
     }
     inside
 }
 
-/// Bits from which on one of `length` bits is set.
-fn runs(window: &Window, length: i32) -> Window {
-    let (mut any, mut done) = (*window, 1);
-    while done < length {
-        let next = done.min(length - done);
-        any.iter_mut().for_each(|word| *word |= *word >> next);
-        done += next;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The table against the roots.
+    #[test]
+    fn a_direction_is_its_step_of_length_1() {
+        for (heading, step) in STEPS.iter().enumerate() {
+            let [x, y] = step.map(|step| step as f32);
+            assert_eq!(direction(heading).map(f32::to_bits), unit(x, y).map(f32::to_bits), "{heading}");
+        }
     }
-    any
 }

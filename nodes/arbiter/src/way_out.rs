@@ -6,11 +6,12 @@
 use crate::clearance::{Heading, Outline, Rows};
 use crate::maneuver::{Kind, LEGS, Leg, Maneuver};
 use crate::stencil::{
-    CELL_M, HALF_MAP, HEADINGS, Layer, Place, SIDE, Stencils, direction, index, middle_m, window,
+    CELL_M, HALF_MAP, HEADINGS, Layer, Place, Runs, SIDE, Stencils, direction, index, middle_m, window,
 };
-use crate::wave::{Eye, Step, Wave};
+use crate::wave::{Asked, Blinders, Eye, Step, Wave};
 use bytemuck::Zeroable;
 use sidestep_msgs::{Pose2, Robot, SAFETY_SIDE};
+use wide::f32x4;
 
 /// Steps of the longest way: 0.14 to 0.16 m, or a turn of 18 to 27 degrees. Turns of a leg: less than half a circle, so that its
 /// end says to which side.
@@ -54,12 +55,13 @@ pub(crate) struct Planner {
     /// `[m]` from the axle to the nearest floor that the camera sees; 0 for a scanner.
     blind_m: f32,
     /// None for a scanner.
-    eye: Option<Eye>,
+    blinders: Option<Blinders>,
     half_width_m: f32,
+    runs: Runs,
     wave: Box<Wave>,
     /// Places that lead on, and places that see.
-    on: Box<Layer>,
-    view: Box<Layer>,
+    on: Box<Asked>,
+    view: Box<Asked>,
 }
 
 impl Planner {
@@ -67,15 +69,18 @@ impl Planner {
         Self {
             stencils: [margin_m + ROOMY_M, margin_m].map(|margin_m| Stencils::new(outline, margin_m)),
             blind_m: robot.blind_m(),
-            eye: robot.camera.map(|camera| Eye {
-                forward_m: camera.forward_m,
-                near_m: camera.near_m + NEAR_M,
-                half_view_rad: VIEW * robot.half_view_rad(),
+            blinders: robot.camera.map(|camera| {
+                Blinders::new(&Eye {
+                    forward_m: camera.forward_m,
+                    near_m: camera.near_m + NEAR_M,
+                    half_view_rad: VIEW * robot.half_view_rad(),
+                })
             }),
             half_width_m: robot.half_width_m(),
+            runs: Runs::new(),
             wave: Wave::new(),
-            on: Box::new([[0; SIDE]; HEADINGS]),
-            view: Box::new([[0; SIDE]; HEADINGS]),
+            on: Asked::new(),
+            view: Asked::new(),
         }
     }
 
@@ -83,25 +88,27 @@ impl Planner {
     pub(crate) fn find(&mut self, scene: &Scene<'_>) -> Option<Maneuver> {
         let blocked = window(scene.blocked);
         let stands: Rows = std::array::from_fn(|row| scene.blocked[row] & !scene.unknown[row]);
-        scene.fill_on(&mut self.on);
-        scene.fill_view(&stands, self.half_width_m, self.blind_m + BEYOND_M, &mut self.view);
+        self.on.take(|on| scene.fill_on(on));
+        let nearest_m = self.blind_m + BEYOND_M;
+        self.view.take(|view| scene.fill_view(&stands, self.half_width_m, nearest_m, view));
         let stands = window(&stands);
-        let Self { stencils, wave, on, view, eye, .. } = self;
-        let begins = stencils.each_ref().map(|stencils| stencils.beginning(&blocked, scene.at));
+        let Self { stencils, runs, wave, on, view, blinders, .. } = self;
+        runs.take(&blocked, stencils);
+        let begins = stencils.each_ref().map(|stencils| stencils.beginning(runs, scene.at));
         let nearest = begins[1].map(|from| from.off)?;
+        if let Some(blinders) = blinders {
+            wave.shun(&stands, blinders);
+        }
         // Room beside a way that begins where the robot is not is of no use to it.
         let widths = stencils.iter().zip(begins).filter_map(|(stencils, from)| Some((stencils, from?)));
         widths.filter(|(_, from)| from.off == nearest).find_map(|(stencils, from)| {
-            wave.begin(stencils, &blocked, &from);
-            if let Some(eye) = eye {
-                wave.shun(&stands, eye);
-            }
+            wave.begin(stencils, runs, &from);
             let mut seen_from = None;
             for _ in 0..LONGEST {
                 if !wave.spread() {
                     break;
                 }
-                let way = |asked: &Layer| {
+                let way = |asked: &Asked| {
                     wave.meets(asked, |place| scene.cost(place)).and_then(|place| scene.legs(wave, place))
                 };
                 if let Some(way) = way(on) {
@@ -115,8 +122,9 @@ impl Planner {
 }
 
 fn has(rows: &Rows, x_m: f32, y_m: f32) -> bool {
-    let [row, bit] = [x_m, y_m].map(|m| libm::floorf(m / CELL_M + HALF_MAP));
+    let [row, bit] = [x_m, y_m].map(|m| m / CELL_M + HALF_MAP);
     let is_inside = |cell: f32| (0.0..SAFETY_SIDE as f32).contains(&cell);
+    // Not negative, so the cast rounds down.
     is_inside(row) && is_inside(bit) && rows[row as usize] >> bit as u32 & 1 == 1
 }
 
@@ -142,12 +150,16 @@ impl Scene<'_> {
             let [x, y] = direction(heading);
             if self.left_m >= ON_M && x * ux + y * uy > FACING { u64::MAX } else { 0 }
         });
+        let y = |four: usize| f32x4::new([0, 1, 2, 3].map(|bit| middle_m(4 * four + bit) - self.at.y_m));
+        let ys: [f32x4; SIDE / 4] = std::array::from_fn(y);
+        let (least_m, most_m) = (f32x4::splat(ON_M), f32x4::splat(ASIDE_M));
         for row in 0..SIDE {
             let x = middle_m(row) - self.at.x_m;
-            let word = (0..SIDE).fold(0_u64, |word, bit| {
-                let y = middle_m(bit) - self.at.y_m;
-                let is_on = x * ux + y * uy >= ON_M && (x * uy - y * ux).abs() <= ASIDE_M;
-                word | u64::from(is_on) << bit
+            let (along, aside) = (f32x4::splat(x * ux), f32x4::splat(x * uy));
+            let word = ys.iter().enumerate().fold(0, |word, (four, y)| {
+                let is_on = (along + *y * f32x4::splat(uy)).simd_ge(least_m)
+                    & (aside - *y * f32x4::splat(ux)).abs().simd_le(most_m);
+                word | u64::from(is_on.to_bitmask()) << (4 * four)
             });
             for (on, facing) in on.iter_mut().zip(&facing) {
                 on[row] = word & facing;
@@ -174,7 +186,6 @@ impl Scene<'_> {
 
     /// Places from `nearest_m` on from which that cell is seen past what stands there, in the heading that faces it.
     fn fill_view(&self, stands: &Rows, half_width_m: f32, nearest_m: f32, view: &mut Layer) {
-        view.iter_mut().for_each(|window| window.fill(0));
         let Some([x_m, y_m]) = self.unseen(stands, half_width_m) else { return };
         for number in 0..VIEWS {
             let (dy, dx) = libm::sincosf(std::f32::consts::TAU * number as f32 / VIEWS as f32);
