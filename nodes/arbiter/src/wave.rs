@@ -99,8 +99,8 @@ struct Front {
 }
 
 impl Front {
-    fn new() -> Self {
-        Self { places: [[0; SIDE + 2 * OUTSIDE]; HEADINGS], blocks: [0; HEADINGS] }
+    fn new() -> Box<Self> {
+        Box::new(Self { places: [[0; SIDE + 2 * OUTSIDE]; HEADINGS], blocks: [0; HEADINGS] })
     }
 
     /// The words of a block, or of the rows so many on from it.
@@ -155,11 +155,12 @@ pub(crate) struct Wave {
     free: Layer,
     /// Turns from each heading to the next one to the left that are free.
     turns: Layer,
-    front: Front,
+    /// In boxes, since they take turns.
+    front: Box<Front>,
     /// The front before: a step back takes as long as two others.
-    before: Front,
+    before: Box<Front>,
     /// Room for the next front.
-    next: Front,
+    next: Box<Front>,
     /// Come to by a turn, and by the second of two steps: back, or to the right.
     turned: Layer,
     second: Layer,

@@ -91,7 +91,7 @@ impl Planner {
         self.on.take(|on| scene.fill_on(on));
         let nearest_m = self.blind_m + BEYOND_M;
         self.view.take(|view| scene.fill_view(&stands, self.half_width_m, nearest_m, view));
-        let stands = window(&stands);
+        let (stands, along) = (window(&stands), scene.along());
         let Self { stencils, runs, wave, on, view, blinders, .. } = self;
         runs.take(&blocked, stencils);
         let begins = stencils.each_ref().map(|stencils| stencils.beginning(runs, scene.at));
@@ -109,7 +109,8 @@ impl Planner {
                     break;
                 }
                 let way = |asked: &Asked| {
-                    wave.meets(asked, |place| scene.cost(place)).and_then(|place| scene.legs(wave, place))
+                    wave.meets(asked, |place| scene.cost(along, place))
+                        .and_then(|place| scene.legs(wave, place))
                 };
                 if let Some(way) = way(on) {
                     return Some(way);
@@ -136,9 +137,9 @@ impl Scene<'_> {
         if range > 1e-3 { [x / range, y / range] } else { [self.at.cos, self.at.sin] }
     }
 
-    /// How far a place lies beside the line to the goal, and how far it is turned from it: metres and 1 - cosine.
-    fn cost(&self, place: &Place) -> f32 {
-        let ([ux, uy], [hx, hy]) = (self.along(), direction(place.heading));
+    /// How far a place lies beside the line along a direction, and how far it is turned from it: metres and 1 - cosine.
+    fn cost(&self, [ux, uy]: [f32; 2], place: &Place) -> f32 {
+        let [hx, hy] = direction(place.heading);
         let (x, y) = (middle_m(place.row) - self.at.x_m, middle_m(place.bit) - self.at.y_m);
         (x * uy - y * ux).abs() + 1.0 - (hx * ux + hy * uy)
     }
