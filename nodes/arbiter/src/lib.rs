@@ -10,6 +10,7 @@
 mod ahead;
 mod approach;
 mod arbiter;
+mod brake;
 mod clearance;
 mod config;
 mod drive;

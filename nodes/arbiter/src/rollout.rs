@@ -3,11 +3,11 @@
 //! The members differ in dead time, braking and the errors with which they follow what they are told. Each follows the
 //! commands on their way, the candidate, then the brake; the commands are the same for all, only their time is not.
 
+use crate::brake::{Brake, PARTS, Said, TOLD};
 use crate::clearance::Heading;
-use crate::limits::Limiter;
 use crate::member::{Fours, LANES, Member, Stop};
-use crate::tube::{Candidate, Situation};
-use sidestep_msgs::{Robot, Twist};
+use crate::tube::Situation;
+use sidestep_msgs::Twist;
 use wide::f32x4;
 
 /// `[s]` one step of the simulation.
@@ -21,73 +21,10 @@ const _: () = assert!(STEPS_MAX.is_multiple_of(STRIDE));
 /// `[m/s]` and [rad/s]: slower is rest.
 const REST_M_S: f32 = 0.005;
 const REST_RAD_S: f32 = 0.01;
-/// `[m/s]` and [rad/s]: whoever is told less is told to rest, and does so without an error.
-const TOLD: f32 = 1e-3;
 /// `[m/s]` and [rad/s]: less is nothing.
 const TINY: f32 = 1e-9;
 /// `[rad]` half of the turn of one step up to which a short series gives sine and cosine.
 const SMALL_RAD: f32 = 0.1;
-
-/// The braking commands that follow a candidate, in steps of [`STEP_S`].
-pub(crate) struct Brake {
-    twist: Twist,
-    speed_m_s: f32,
-    along_m_s2: f32,
-    hardest_m_s2: f32,
-    jerk_m_s3: f32,
-    turn_s2: f32,
-    now: Twist,
-    /// The commands known so far.
-    commands: [Twist; STEPS_MAX],
-    known: usize,
-}
-
-impl Brake {
-    pub(crate) fn new(candidate: &Candidate, limiter: &Limiter, robot: &Robot) -> Self {
-        let twist = candidate.motion.twist;
-        let hardest = limiter.deceleration(twist);
-        let along = if candidate.comfort {
-            (candidate.motion.acceleration_m_s2 * twist.v_m_s.signum()).max(-hardest)
-        } else {
-            -hardest
-        };
-        Self {
-            twist,
-            speed_m_s: twist.v_m_s.abs(),
-            along_m_s2: along,
-            hardest_m_s2: hardest,
-            jerk_m_s3: robot.limits.comfort_jerk_m_s3,
-            turn_s2: robot.limits.turn_accelerate_rad_s2,
-            now: twist,
-            commands: [Twist::STOP; STEPS_MAX],
-            known: 0,
-        }
-    }
-
-    /// The command of a step; `number` below [`STEPS_MAX`].
-    fn at(&mut self, number: usize) -> Twist {
-        while self.known <= number {
-            self.commands[self.known] = self.next();
-            self.known += 1;
-        }
-        self.commands[number]
-    }
-
-    fn next(&mut self) -> Twist {
-        let before = self.twist.v_m_s.abs();
-        if before < 1e-3 {
-            let less = self.turn_s2 * STEP_S;
-            self.now.w_rad_s = (self.now.w_rad_s.abs() - less).max(0.0).copysign(self.now.w_rad_s);
-            self.now.v_m_s = 0.0;
-            return self.now;
-        }
-        self.along_m_s2 = (self.along_m_s2 - self.jerk_m_s3 * STEP_S).max(-self.hardest_m_s2);
-        self.speed_m_s = (self.speed_m_s + self.along_m_s2 * STEP_S).max(0.0);
-        let part = self.speed_m_s / before;
-        self.now = Twist::new(self.twist.v_m_s * part, self.twist.w_rad_s * part.min(1.0));
-        self.now
-    }
-}
 
 /// What is the same for all members.
 pub(crate) struct Course<'a> {
@@ -104,13 +41,31 @@ pub(crate) struct Course<'a> {
     pub(crate) nearer_m: f32,
 }
 
+impl Course<'_> {
+    /// `[rad/s]` faster than this nobody turns but by an error: each comes nearer to what he is told.
+    fn fastest_turn_rad_s(&self) -> f32 {
+        let Situation { twist, pending, .. } = self.situation;
+        let fastest = self.twist.w_rad_s.abs() + twist.w_rad_s.abs();
+        pending.iter().fold(fastest, |fastest, sent| fastest.max(sent.twist.w_rad_s.abs()))
+    }
+}
+
 /// What four members are told at a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Told {
     pub(crate) v_m_s: f32x4,
     w_rad_s: f32x4,
-    /// All bits of a member whose stop has begun, none of another.
-    stops: f32x4,
+    /// All bits of a member whose stop has begun and is at its end, none of another.
+    rests: f32x4,
+}
+
+/// What is true of four members in all steps of a stride, so that less is to be worked out.
+#[derive(Debug, Clone, Copy)]
+struct Phase {
+    /// All are told to drive.
+    drive: bool,
+    /// Some may be at rest.
+    may_rest: bool,
 }
 
 /// Where a step of four members begins.
@@ -175,34 +130,41 @@ impl Four {
 
     /// Where they are before a step in which they are told something.
     #[inline]
-    fn begin(&self, told: &Told) -> Begin {
+    fn begin(&self, told: &Told, phase: Phase) -> Begin {
+        let (x_m, y_m, cos, sin) = (self.x_m, self.y_m, self.cos, self.sin);
+        if !phase.may_rest {
+            return Begin { x_m, y_m, cos, sin, moved_m: self.moved_m, rests: f32x4::ZERO };
+        }
         let is_slow = self.v_m_s.abs().simd_lt(f32x4::splat(REST_M_S))
             & self.w_rad_s.abs().simd_lt(f32x4::splat(REST_RAD_S));
-        let is_told_rest = (told.v_m_s.abs() + told.w_rad_s.abs()).simd_le(f32x4::ZERO);
-        let rests = is_slow & is_told_rest & told.stops;
+        let rests = is_slow & told.rests;
         let moved_m = rests.bitselect(f32x4::splat(f32::INFINITY), self.moved_m);
-        Begin { x_m: self.x_m, y_m: self.y_m, cos: self.cos, sin: self.sin, moved_m, rests }
+        Begin { x_m, y_m, cos, sin, moved_m, rests }
     }
 
     #[inline]
-    fn advance(&mut self, told: &Told, course: &Course<'_>) {
+    fn advance(&mut self, told: &Told, phase: Phase, course: &Course<'_>, is_gentle: bool) {
         let (follow, step_s) = (f32x4::splat(course.follow), f32x4::splat(STEP_S));
         let change = (told.v_m_s - self.v_m_s) * follow;
         let brakes = (change * self.v_m_s).simd_lt(f32x4::ZERO);
-        let most_m_s = brakes.bitselect(self.brake_m_s, f32x4::splat(f32::MAX));
-        self.v_m_s = flushed(self.v_m_s + within(change, most_m_s));
+        let change = brakes.bitselect(within(change, self.brake_m_s), change);
+        self.v_m_s = flushed(self.v_m_s + change);
         self.w_rad_s =
             flushed(self.w_rad_s + within((told.w_rad_s - self.w_rad_s) * follow, self.turn_rad_s));
-        let drives = told.v_m_s.abs().simd_gt(f32x4::splat(TOLD));
-        let moves = drives | told.w_rad_s.abs().simd_gt(f32x4::splat(TOLD));
+        let (mut error_m_s, mut error_rad_s) = (self.error_m_s, self.error_rad_s);
+        if !phase.drive {
+            let drives = told.v_m_s.abs().simd_gt(f32x4::splat(TOLD));
+            let moves = drives | told.w_rad_s.abs().simd_gt(f32x4::splat(TOLD));
+            (error_m_s, error_rad_s) = (drives & error_m_s, moves & error_rad_s);
+        }
         // In this order NaN is NaN.
-        let speed_m_s = f32x4::ZERO.fast_max(self.v_m_s.abs() + (drives & self.error_m_s));
-        let length_m = (speed_m_s | (self.v_m_s & f32x4::splat(-0.0))) * step_s;
-        let turn_rad = (self.w_rad_s + (moves & self.error_rad_s)) * step_s;
-        self.moved_m = speed_m_s * step_s
-            + turn_rad.abs() * f32x4::splat(course.radius_m)
-            + f32x4::splat(course.nearer_m);
-        self.turn(length_m, half_turn(turn_rad));
+        let speed_m_s = f32x4::ZERO.fast_max(self.v_m_s.abs() + error_m_s);
+        let way_m = speed_m_s * step_s;
+        let turn_rad = (self.w_rad_s + error_rad_s) * step_s;
+        self.moved_m = way_m + turn_rad.abs() * f32x4::splat(course.radius_m) + f32x4::splat(course.nearer_m);
+        let length_m = way_m | (self.v_m_s & f32x4::splat(-0.0));
+        let half_rad = turn_rad * f32x4::splat(0.5);
+        self.turn(length_m, if is_gentle { series(half_rad) } else { half_turn(turn_rad) });
     }
 
     /// Moves along arcs, given sines and cosines of half of each turn.
@@ -225,6 +187,9 @@ pub(crate) struct Rollout<'a, const FOURS: usize> {
     /// The steps that were made last: what everyone was told, and where each began.
     pub(crate) told: [[Told; FOURS]; STRIDE],
     pub(crate) begins: [[Begin; FOURS]; STRIDE],
+    phases: [Phase; FOURS],
+    /// Whether nobody ever turns faster than a short series can tell.
+    is_gentle: bool,
     /// Number of the next step.
     next: u32,
     /// Of each member how many of the commands on their way have arrived, and with which step its stop begins.
@@ -235,13 +200,18 @@ pub(crate) struct Rollout<'a, const FOURS: usize> {
 impl<'a, const FOURS: usize> Rollout<'a, FOURS> {
     pub(crate) fn new(course: &'a Course<'a>, members: &'a Fours<FOURS>) -> Self {
         let fours = members.each_ref().map(|members| Four::new(course.situation, members));
-        let told = Told { v_m_s: f32x4::ZERO, w_rad_s: f32x4::ZERO, stops: f32x4::ZERO };
+        let told = Told { v_m_s: f32x4::ZERO, w_rad_s: f32x4::ZERO, rests: f32x4::ZERO };
+        let phase = Phase { drive: false, may_rest: false };
+        let errors = members.as_flattened().iter().map(|member| member.error_rad_s.abs());
+        let most_rad_s = course.fastest_turn_rad_s() + errors.fold(0.0, f32::max);
         Self {
             course,
             members,
             fours,
             told: [[told; FOURS]; STRIDE],
-            begins: [fours.each_ref().map(|four| four.begin(&told)); STRIDE],
+            begins: [fours.each_ref().map(|four| four.begin(&told, phase)); STRIDE],
+            phases: [phase; FOURS],
+            is_gentle: 0.5 * most_rad_s * STEP_S < 0.99 * SMALL_RAD,
             next: 0,
             arrived: [[0; LANES]; FOURS],
             stops: [[u32::MAX; LANES]; FOURS],
@@ -251,38 +221,65 @@ impl<'a, const FOURS: usize> Rollout<'a, FOURS> {
     /// Makes the next steps.
     pub(crate) fn stride(&mut self, brake: &mut Brake) {
         self.tell(brake);
+        // A copy, which a processor keeps in its registers.
+        let mut fours = self.fours;
         for (begins, told) in self.begins.iter_mut().zip(&self.told) {
-            for ((four, begin), told) in self.fours.iter_mut().zip(begins).zip(told) {
-                *begin = four.begin(told);
-                four.advance(told, self.course);
+            for (((four, begin), told), phase) in fours.iter_mut().zip(begins).zip(told).zip(&self.phases) {
+                *begin = four.begin(told, *phase);
+                four.advance(told, *phase, self.course, self.is_gentle);
             }
         }
+        self.fours = fours;
         self.next += STRIDE as u32;
     }
 
     /// Works out what everyone is told.
     fn tell(&mut self, brake: &mut Brake) {
         let mut before: Option<Member> = None;
-        let mut said = [(Twist::STOP, f32::from_bits(0)); STRIDE];
-        for place in 0..LANES * FOURS {
-            let (four, lane) = (place / LANES, place % LANES);
-            let member = self.members[four][lane];
-            if before.is_none_or(|before| !before.is_told_like(&member)) {
-                for (step, said) in said.iter_mut().enumerate() {
-                    let step = self.next + step as u32;
-                    let twist = self.command(four, lane, step, brake);
-                    let stops = step >= self.stops[four][lane];
-                    *said = (twist, f32::from_bits(if stops { u32::MAX } else { 0 }));
+        let mut said = Said::STOP;
+        for four in 0..FOURS {
+            let mut saids = [said; LANES];
+            let mut phase = Phase { drive: true, may_rest: false };
+            for (lane, to) in saids.iter_mut().enumerate() {
+                let member = self.members[four][lane];
+                if before.is_none_or(|before| !before.is_told_like(&member)) {
+                    said = self.say(four, lane, brake);
+                }
+                before = Some(member);
+                *to = said;
+                phase.drive &= said.drives();
+                phase.may_rest |= said.may_rest();
+            }
+            self.phases[four] = phase;
+            for (part, steps) in self.told.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                let each = |of: fn(&Said) -> &[f32x4; PARTS]| {
+                    f32x4::transpose(saids.each_ref().map(|said| of(said)[part]))
+                };
+                let (v_m_s, w_rad_s, rests) =
+                    (each(|said| &said.v_m_s), each(|said| &said.w_rad_s), each(|said| &said.rests));
+                for (step, told) in steps.iter_mut().enumerate() {
+                    told[four] = Told { v_m_s: v_m_s[step], w_rad_s: w_rad_s[step], rests: rests[step] };
                 }
             }
-            before = Some(member);
-            for (told, (twist, stops)) in self.told.iter_mut().zip(&said) {
-                let told = &mut told[four];
-                told.v_m_s.as_mut_array()[lane] = twist.v_m_s;
-                told.w_rad_s.as_mut_array()[lane] = twist.w_rad_s;
-                told.stops.as_mut_array()[lane] = *stops;
-            }
         }
+    }
+
+    /// What a member is told in the next steps.
+    fn say(&mut self, four: usize, lane: usize, brake: &mut Brake) -> Said {
+        if let Some(number) = self.next.checked_sub(self.stops[four][lane]) {
+            return match self.members[four][lane].stop {
+                Stop::Told => brake.stride(number as usize),
+                Stop::Alone { .. } => Said::STOP,
+            };
+        }
+        let (mut v_m_s, mut w_rad_s, mut stops) = ([0.0; STRIDE], [0.0; STRIDE], [0.0; STRIDE]);
+        for step in 0..STRIDE {
+            let number = self.next + step as u32;
+            let twist = self.command(four, lane, number, brake);
+            (v_m_s[step], w_rad_s[step]) = (twist.v_m_s, twist.w_rad_s);
+            stops[step] = f32::from_bits(if number >= self.stops[four][lane] { u32::MAX } else { 0 });
+        }
+        Said::new(&v_m_s, &w_rad_s, &stops)
     }
 
     /// What a member is told at a step.
@@ -325,13 +322,19 @@ fn within(number: f32x4, most: f32x4) -> f32x4 {
 fn half_turn(turn_rad: f32x4) -> (f32x4, f32x4) {
     let half = turn_rad * f32x4::splat(0.5);
     if half.abs().simd_le(f32x4::splat(SMALL_RAD)).all() {
-        let square = half * half;
-        let sin = half * (f32x4::ONE - square * f32x4::splat(1.0 / 6.0));
-        let cos = f32x4::ONE - square * (f32x4::splat(0.5) - square * f32x4::splat(1.0 / 24.0));
-        return (sin, cos);
+        return series(half);
     }
     // A measured spin beyond any limit.
     (f32x4::new(half.to_array().map(libm::sinf)), f32x4::new(half.to_array().map(libm::cosf)))
+}
+
+/// Sine and cosine of a small angle.
+#[inline]
+fn series(angle: f32x4) -> (f32x4, f32x4) {
+    let square = angle * angle;
+    let sin = angle * (f32x4::ONE - square * f32x4::splat(1.0 / 6.0));
+    let cos = f32x4::ONE - square * (f32x4::splat(0.5) - square * f32x4::splat(1.0 / 24.0));
+    (sin, cos)
 }
 
 #[cfg(test)]
@@ -340,8 +343,9 @@ mod tests {
     use crate::clearance::Rows;
     use crate::fixture::loomo;
     use crate::held::Held;
-    use crate::limits::Motion;
+    use crate::limits::{Limiter, Motion};
     use crate::queue::{Pending, SENT_MAX};
+    use crate::tube::Candidate;
     use proptest::prelude::*;
     use sidestep_msgs::SAFETY_SIDE;
 

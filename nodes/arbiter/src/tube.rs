@@ -5,13 +5,14 @@
 //! An answer is exact for what it simulates: each checked pose asks for every cell under the widened outline, and poses
 //! lie no farther apart than the gap the widening covers.
 
+use crate::brake::Brake;
 use crate::clearance::{FreeSpace, Heading, Outline, Rows};
 use crate::config::Config;
 use crate::held::Held;
 use crate::limits::{Limiter, Motion};
 use crate::member::{FARTHEST, Fours, LANES, OTHERS, members};
 use crate::queue::{Pending, SENT_MAX};
-use crate::rollout::{Brake, Course, Rollout, STEP_S, STEPS_MAX, STRIDE};
+use crate::rollout::{Course, Rollout, STEP_S, STEPS_MAX, STRIDE};
 use sidestep_msgs::{NO_CELL, Robot, Twist};
 use wide::f32x4;
 
