@@ -176,12 +176,33 @@ impl Movers {
     }
 
     /// `[m]` how much nearer movers and footprint, a disc of `radius_m` round (x, y), may come to each other once the
-    /// movers have gone `gone_m`; negative where that is not known from one look.
-    pub(crate) fn slack_m(&self, x_m: f32, y_m: f32, radius_m: f32, gone_m: f32) -> f32 {
+    /// movers have gone `gone_m`, up to `most_m`; `None` where it is not known from one look to be `least_m`.
+    pub(crate) fn slack_m(
+        &self,
+        [x_m, y_m]: [f32; 2],
+        radius_m: f32,
+        gone_m: f32,
+        [least_m, most_m]: [f32; 2],
+    ) -> Option<f32> {
         let (row, bit) = place(x_m, y_m);
         let is_clear = |rows: &Rows| rows[row] >> bit & 1 == 0;
-        let clear = self.reached.partition_point(is_clear);
-        clear.saturating_sub(1 + SLACK_CELLS) as f32 * SAFETY_GRID.cell_m - radius_m - gone_m
+        let between_m = |clear: usize| {
+            clear.saturating_sub(1 + SLACK_CELLS) as f32 * SAFETY_GRID.cell_m - radius_m - gone_m
+        };
+        // A step more or less than those that matter, whatever is rounded.
+        let steps = |slack_m: f32| ((slack_m + radius_m + gone_m) / SAFETY_GRID.cell_m) as usize;
+        let [mut clear, mut not] = [steps(least_m) + SLACK_CELLS, steps(most_m) + SLACK_CELLS + 3]
+            .map(|clear| clear.min(self.reached.len()));
+        while clear < not {
+            let middle = usize::midpoint(clear, not);
+            if is_clear(&self.reached[middle]) {
+                clear = middle + 1;
+            } else {
+                not = middle;
+            }
+        }
+        let slack_m = between_m(clear);
+        (slack_m >= least_m).then_some(slack_m.min(most_m))
     }
 
     /// The cells that movers can have touched once they have gone `gone_m`.

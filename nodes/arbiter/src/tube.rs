@@ -273,25 +273,27 @@ impl Tube {
             return Ok(allowed_m);
         }
         let gone_m = space.movers.speed_m_s() * (situation.map_s + time_s).max(0.0);
-        Ok(allowed_m.min(self.room_for_movers(space, at, margin_m, gone_m)?))
+        self.room_for_movers(space, at, margin_m, gone_m, allowed_m)
     }
 
-    /// `[m]` how much nearer the footprint and movers that have gone `gone_m` may come to each other.
+    /// `[m]` how much nearer the footprint and movers that have gone `gone_m` may come to each other, up to `most_m`.
     fn room_for_movers(
         &self,
         space: &FreeSpace,
         at: &Heading,
         margin_m: f32,
         gone_m: f32,
+        most_m: f32,
     ) -> Result<f32, Hit> {
-        let slack_m = space.movers.slack_m(at.x_m, at.y_m, self.outline.radius_m(margin_m), gone_m);
-        if slack_m >= self.gap_m {
+        let radius_m = self.outline.radius_m(margin_m);
+        let slack_m = space.movers.slack_m([at.x_m, at.y_m], radius_m, gone_m, [self.gap_m, most_m]);
+        if let Some(slack_m) = slack_m {
             return Ok(slack_m);
         }
         let moving = |cell| Hit { cell, moving: true };
         let rows = space.movers.reached(gone_m + self.gap_m).map_err(moving)?;
         let hit = self.outline.blocked(at, margin_m, rows);
-        hit.map_or(Ok(self.gap_m), |cell| Err(moving(cell)))
+        hit.map_or(Ok(self.gap_m.min(most_m)), |cell| Err(moving(cell)))
     }
 }
 
