@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x3873_1f8e_82c4_c5ec,
+        content_hash: 0x9872_8c1d_ec8f_83ca,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0xf69d_fc4b_a38d_733a,
+        content_hash: 0xc793_5654_b375_90ce,
     },
 ];
 
