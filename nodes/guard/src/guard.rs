@@ -48,8 +48,10 @@ impl Guard {
     pub fn step(&mut self, frame: &DepthFrame, out: &mut NearField) -> Status {
         let status = refusal(frame, self.config.valid_part_min);
         if status != Status::Ok {
+            // Nothing was measured: a look all the same, at what may be too near. Whether it may be is the mapper's to judge.
+            let is_empty = status == Status::RefusedEmpty;
             *out = NearField {
-                capture_ns: 0,
+                capture_ns: if is_empty { frame.capture_ns } else { 0 },
                 range_m: [f32::NAN; NEAR_SECTORS],
                 left_rad: 0.0,
                 sector_rad: 0.0,

@@ -14,6 +14,8 @@ use sidestep_msgs::{DepthFrame, LocalMap, Odometry, Pose2, Ranges, Robot, Safety
 
 /// `[m]` farthest a camera may be mounted from the axle; beyond, the pose is garbage.
 const MOUNT_MAX_M: f32 = 5.0;
+/// `[ns]` how old the echo of what a camera is too near to may be: that of four messages.
+const FACED_NS: u64 = 200_000_000;
 
 /// What the step keeps beside the grid.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Zeroable, bytemuck::Pod)]
@@ -26,6 +28,8 @@ pub(crate) struct Memory {
     /// `[ns]` newest stamps taken per sensor.
     pub(crate) depth_ns: u64,
     pub(crate) scan_ns: u64,
+    /// `[ns]` stamp of the newest ultrasonic readings, if they are of something that the camera is too near to; 0 = they are not.
+    pub(crate) faced_ns: u64,
     /// Pose of the newest frame taken.
     pub(crate) pose: Pose2,
     /// `[m]` drift when it was taken, and the part of it that turns made.
@@ -93,8 +97,10 @@ impl Mapper {
         }
     }
 
-    /// Takes ultrasonic readings; without a pose at their stamp, or before the first frame, they are passed over.
+    /// Takes ultrasonic readings; without a pose at their stamp, or before the first frame, they mark nothing.
     pub fn ranges(&mut self, ranges: &Ranges) {
+        let is_faced = self.robot.camera.is_some_and(|camera| sonar::is_faced(ranges, &camera));
+        self.memory.faced_ns = if is_faced { ranges.stamp_ns } else { 0 };
         let Ok(body) = self.history.at(ranges.stamp_ns, self.config.odometry_gap_s) else { return };
         if self.memory.capture_ns == 0 {
             return;
@@ -124,7 +130,9 @@ impl Mapper {
 
     fn take_depth(&mut self, frame: &DepthFrame) -> Status {
         let refusal = refusal(frame, self.config.valid_part_min);
-        if refusal != Status::Ok {
+        // What is heard too near to be measured may fill the view: the camera is not at fault, and nothing is learned.
+        let is_filled = refusal == Status::RefusedEmpty && self.is_faced(frame.capture_ns);
+        if refusal != Status::Ok && !is_filled {
             return refusal;
         }
         if frame.capture_ns <= self.memory.depth_ns {
@@ -135,12 +143,19 @@ impl Mapper {
             Err(status) => return status,
         };
         self.memory.depth_ns = frame.capture_ns;
-        let base = self.grid.window(body.pose.x_m, body.pose.y_m);
-        let noise = self.robot.camera.map_or(0.0, |camera| camera.disparity_sigma_px / camera.baseline_m);
-        let lens = Lens::new(frame, &body, base, noise, now);
-        self.evidence.take(frame, &lens, &self.config, &mut self.grid);
+        if !is_filled {
+            let base = self.grid.window(body.pose.x_m, body.pose.y_m);
+            let noise = self.robot.camera.map_or(0.0, |camera| camera.disparity_sigma_px / camera.baseline_m);
+            let lens = Lens::new(frame, &body, base, noise, now);
+            self.evidence.take(frame, &lens, &self.config, &mut self.grid);
+        }
         self.finish(&body, &now);
         Status::Ok
+    }
+
+    /// Whether something that the camera is too near to was heard shortly before or after a stamp.
+    fn is_faced(&self, capture_ns: u64) -> bool {
+        self.memory.faced_ns != 0 && self.memory.faced_ns.abs_diff(capture_ns) <= FACED_NS
     }
 
     fn take_scan(&mut self, scan: &Scan) -> Status {

@@ -9,7 +9,7 @@
 
 use crate::config::Config;
 use crate::grid::{ALL_BANDS, CELL_M, Grid, Moment, cells_near};
-use sidestep_msgs::{Pose2, RANGES_MAX, Range, Ranges};
+use sidestep_msgs::{Camera, Pose2, RANGES_MAX, Range, Ranges};
 
 /// `[m]` what the sensor must see past a mark.
 const SEES_PAST_M: f32 = 0.1;
@@ -19,10 +19,26 @@ const HEARD_M: f32 = 0.075;
 const MIDDLE: u8 = 0b010;
 const BESIDE: u8 = ALL_BANDS & !MIDDLE;
 
+/// Cosine of the angle up to which a sensor looks where the camera looks.
+const ALONG: f32 = 0.9;
+/// `[m]` beyond what the camera is too near to, within which an echo may come from what fills its view.
+const BEYOND_M: f32 = 0.05;
+
 /// Takes all sensors of one message, with the robot at `pose`.
 pub(crate) fn take(ranges: &Ranges, pose: &Pose2, config: &Config, now: &Moment, grid: &mut Grid) {
+    measured(ranges).for_each(|range| mark(range, pose, config, now, grid));
+}
+
+/// Whether a sensor that looks along the camera hears something that the camera is too near to measure.
+pub(crate) fn is_faced(ranges: &Ranges, camera: &Camera) -> bool {
+    let blind_m = camera.forward_m + camera.near_m + BEYOND_M;
+    measured(ranges).any(|range| libm::cosf(range.yaw_rad) > ALONG && range.x_m + range.range_m < blind_m)
+}
+
+/// The sensors that measured something, mounted where one can be.
+fn measured(ranges: &Ranges) -> impl Iterator<Item = &Range> {
     let count = (ranges.count as usize).min(RANGES_MAX);
-    for range in &ranges.sensors[..count] {
+    ranges.sensors[..count].iter().filter(|range| {
         let mount = [range.x_m, range.y_m, range.yaw_rad, range.field_of_view_rad];
         let mounted = mount.iter().all(|part| part.is_finite())
             && range.x_m.abs() < 2.0
@@ -31,10 +47,8 @@ pub(crate) fn take(ranges: &Ranges, pose: &Pose2, config: &Config, now: &Moment,
             && range.field_of_view_rad > 0.0
             && range.field_of_view_rad < 3.0;
         // NaN and negative readings are no measurement; infinite means nothing up to the far limit.
-        if mounted && range.range_m >= 0.0 {
-            mark(range, pose, config, now, grid);
-        }
-    }
+        mounted && range.range_m >= 0.0
+    })
 }
 
 fn mark(range: &Range, pose: &Pose2, config: &Config, now: &Moment, grid: &mut Grid) {

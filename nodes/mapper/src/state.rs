@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use sidestep_msgs::MAPPER_STATE_BYTES;
 
 /// Version of the layout below.
-const VERSION: u64 = 0x6d61_7070_6572_0003;
+const VERSION: u64 = 0x6d61_7070_6572_0004;
 
 /// Everything but the cells.
 #[derive(Debug, Clone, Copy, Zeroable, Pod)]

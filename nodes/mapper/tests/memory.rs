@@ -312,6 +312,45 @@ fn sonar(stamp_ns: u64, range_m: f32) -> Ranges {
     ranges
 }
 
+/// A frame without a measurement is the camera's fault, unless a sensor that looks along it hears something too near for it:
+/// then the map goes on as it was, for as long as that is heard.
+#[test]
+fn a_view_full_of_what_is_too_near_is_no_fault_while_it_is_heard() {
+    let scene = Scene::default().stand([2.0, 2.2], [-1.0, 1.0], 1.0);
+    let view = View::level(Pose2::ORIGIN);
+    let mut mapper = mapper(true);
+    look(&mut mapper, &scene, &view, 1);
+    let known = local(&mapper);
+    let mut blind = |count: u64, heard: &Ranges| {
+        mapper.odometry(&view.odometry(PERIOD_NS * count));
+        mapper.ranges(&Ranges { stamp_ns: PERIOD_NS * count, ..*heard });
+        let mut empty = frame(2);
+        scene.render(&view, PERIOD_NS * count, &mut empty);
+        empty.pixels.fill(0);
+        (mapper.depth(&empty), local(&mapper).capture_ns)
+    };
+    let aside = |yaw_rad: f32| {
+        let mut ranges = sonar(0, 0.3);
+        ranges.sensors[0].yaw_rad = yaw_rad;
+        ranges
+    };
+    // The camera is 0.1 m ahead of the axle as the sensor is, and measures from 0.35 m on.
+    let fault = (Status::RefusedEmpty, PERIOD_NS);
+    for (count, heard) in [(2, sonar(0, 0.5)), (3, sonar(0, f32::NAN)), (4, aside(1.0)), (5, aside(-3.1))] {
+        assert_eq!(blind(count, &heard), fault, "{count}");
+    }
+    assert_eq!(blind(6, &sonar(0, 0.3)), (Status::Ok, 6 * PERIOD_NS));
+    assert_eq!(blind(7, &aside(0.4)), (Status::Ok, 7 * PERIOD_NS));
+    let occupied = |map: &LocalMap| map.occupancy.iter().filter(|odds| **odds > 127).count();
+    assert!(occupied(&local(&mapper)) >= occupied(&known));
+    // Nothing is heard any more.
+    let mut empty = frame(2);
+    scene.render(&view, PERIOD_NS * 14, &mut empty);
+    empty.pixels.fill(0);
+    mapper.odometry(&view.odometry(PERIOD_NS * 14));
+    assert_eq!(mapper.depth(&empty), Status::RefusedEmpty);
+}
+
 /// Something at 0.4 m before the sensor marks its arc; seeing past it takes the mark, not the camera's memory.
 #[test]
 fn a_near_ultrasonic_reading_blocks_its_arc_until_it_sees_past() {

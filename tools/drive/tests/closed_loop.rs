@@ -62,6 +62,19 @@ fn turns_are_driven_over_floor_that_was_seen() {
     }
 }
 
+/// Put before a wall that fills the view and is too near to be measured: it is heard, and the robot leaves it for a goal behind.
+#[test]
+fn who_stands_too_near_to_a_wall_to_see_it_leaves() {
+    let mut world = World::empty();
+    world.solids.push(Solid::block([0.5, 0.0], [0.2, 4.0], 0.0, [0.0, 2.0]));
+    world.start = Pose2::ORIGIN;
+    world.legs_m = vec![vec![[0.0, 0.0], [-2.5, 0.0]]];
+    let mut drive = Drive::new(setup("loomo", world)).unwrap();
+    let outcome = drive.run(1, 30.0);
+    println!("{}", outcome.summary());
+    assert!(outcome.arrivals == 1 && outcome.collisions == 0, "{}", outcome.summary());
+}
+
 /// Held on the way for five minutes of simulated time, the robot goes on to its goals: what it knew of the last metre,
 /// which the camera cannot see, still counts.
 #[test]
