@@ -2,6 +2,7 @@
 
 use crate::solid::{Outline, Solid};
 use sidestep_msgs::{Grid, Pose2};
+use std::ops::RangeInclusive;
 
 /// `[1/255]` probability of what is known to stand there; in an array of ages, the mark of what nobody saw.
 const TAKEN: u8 = 255;
@@ -20,9 +21,27 @@ pub fn seen_from(solid: &Solid, pose: &Pose2) -> Solid {
     Solid { x_m, y_m, outline, ..*solid }
 }
 
-/// Marks every cell that a solid in the grid's frame touches, with 255: it is convex, so that in each row these are one
-/// run of cells.
+/// Marks every cell that a solid in the grid's frame touches, with 255.
 pub fn draw(solid: &Solid, grid: &Grid, cells: &mut [u8]) {
+    runs(solid, grid, |run| cells[run].fill(TAKEN));
+}
+
+/// Lowers every cell to how far, in m, a solid in the grid's frame must be grown to touch it, where that is `most_m` or less.
+pub fn near(solid: &Solid, most_m: f64, grid: &Grid, cells: &mut [f32]) {
+    let Some(grown) = solid.grown(most_m) else { return };
+    let cell_m = f64::from(grid.cell_m);
+    runs(&grown, grid, |run| {
+        let (x, y) = grid.centre(run.start() / grid.side, run.start() % grid.side);
+        let (x, y) = (f64::from(x), f64::from(y));
+        for (step, cell) in cells[run].iter_mut().enumerate() {
+            let growth_m = solid.growth_m([x, y - step as f64 * cell_m], 0.5 * cell_m) as f32;
+            *cell = if growth_m < *cell { growth_m } else { *cell };
+        }
+    });
+}
+
+/// Names the cells that a solid in the grid's frame touches: it is convex, so that in each row these are one run of cells.
+fn runs(solid: &Solid, grid: &Grid, mut take: impl FnMut(RangeInclusive<usize>)) {
     let (cell_m, rear_m, right_m) = (f64::from(grid.cell_m), f64::from(grid.rear_m), f64::from(grid.right_m));
     let last = grid.side as f64 - 1.0;
     let corners = solid.corners();
@@ -39,8 +58,8 @@ pub fn draw(solid: &Solid, grid: &Grid, cells: &mut [u8]) {
         let right = libm::floor((from_m - right_m) / cell_m).max(0.0);
         let left = libm::floor((to_m - right_m) / cell_m).min(last);
         if right <= left {
-            let row = &mut cells[(grid.side - 1 - forward) * grid.side..][..grid.side];
-            row[grid.side - 1 - left as usize..=grid.side - 1 - right as usize].fill(TAKEN);
+            let last_of_row = (grid.side - forward) * grid.side - 1;
+            take(last_of_row - left as usize..=last_of_row - right as usize);
         }
     }
 }

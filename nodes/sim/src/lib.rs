@@ -31,7 +31,7 @@ mod world_file;
 
 pub use barn::{barn_selection, barn_worlds};
 pub use config::{Config, ConfigError};
-pub use drawing::{draw, seen_from};
+pub use drawing::{draw, near, seen_from};
 pub use node::run;
 pub use office::FREE_M;
 pub use people::Walker;

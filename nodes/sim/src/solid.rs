@@ -72,6 +72,53 @@ impl Solid {
         }
     }
 
+    /// `[m]` how far it may be shrunk before nothing is left of it.
+    fn least_m(&self) -> f64 {
+        match self.outline {
+            Outline::Rectangle { half_length_m, half_width_m, .. } => half_length_m.min(half_width_m),
+            Outline::Disc { radius_m } => radius_m,
+        }
+    }
+
+    /// The solid with its sides or its radius moved out by `by_m`, or in by a negative one; `None` where nothing is left of it.
+    #[must_use]
+    pub fn grown(&self, by_m: f64) -> Option<Self> {
+        let outline = match self.outline {
+            Outline::Rectangle { half_length_m, half_width_m, cos, sin } => Outline::Rectangle {
+                half_length_m: half_length_m + by_m,
+                half_width_m: half_width_m + by_m,
+                cos,
+                sin,
+            },
+            Outline::Disc { radius_m } => Outline::Disc { radius_m: radius_m + by_m },
+        };
+        (self.least_m() + by_m > 0.0).then_some(Self { outline, ..*self })
+    }
+
+    /// `[m]` how far it must be grown, or with a negative number may be shrunk, to touch a square with sides along the axes
+    /// and no more: of the four directions that can separate two rectangles, the one that takes most.
+    #[must_use]
+    pub fn growth_m(&self, centre_m: [f64; 2], half_side_m: f64) -> f64 {
+        let (dx, dy) = (centre_m[0] - self.x_m, centre_m[1] - self.y_m);
+        let (off_x, off_y) = (dx.abs() - half_side_m, dy.abs() - half_side_m);
+        let greater = |a: f64, b: f64| if a > b { a } else { b };
+        match self.outline {
+            Outline::Rectangle { half_length_m, half_width_m, cos, sin } => {
+                let (c, s) = (cos.abs(), sin.abs());
+                let (own_m, per_growth) = (half_side_m * (c + s), 1.0 / (c + s));
+                let ahead = (cos * dx + sin * dy).abs() - own_m - half_length_m;
+                let aside = (cos * dy - sin * dx).abs() - own_m - half_width_m;
+                let x = (off_x - half_length_m * c - half_width_m * s) * per_growth;
+                let y = (off_y - half_length_m * s - half_width_m * c) * per_growth;
+                greater(greater(ahead, aside), greater(greater(x, y), -self.least_m()))
+            }
+            Outline::Disc { radius_m } => {
+                let (x, y) = (greater(off_x, 0.0), greater(off_y, 0.0));
+                libm::sqrt(x * x + y * y) - radius_m
+            }
+        }
+    }
+
     /// `[m]` corners of a rectangle, counter-clockwise; of the square round a disc.
     #[must_use]
     pub fn corners(&self) -> [[f64; 2]; 4] {
@@ -168,6 +215,37 @@ mod tests {
         assert!((block.gap_m(&SQUARE) - 1.0).abs() < 1e-12);
         let diagonal = Solid::block([2.0, 0.0], [1.0, 1.0], std::f64::consts::FRAC_PI_4, [0.0, 1.0]);
         assert!((diagonal.gap_m(&SQUARE) - (1.5 - libm::sqrt(0.5))).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_grown_solid_is_nearer_by_as_much_and_one_shrunk_to_nothing_is_none() {
+        let column = Solid::column([2.0, 0.0], 0.3, [0.0, 1.0]);
+        let block = Solid::block([2.0, 0.0], [1.0, 0.2], 0.0, [0.0, 1.0]);
+        for solid in [column, block] {
+            for by_m in [-0.09, -0.01, 0.0, 0.15] {
+                let gap_m = solid.grown(by_m).unwrap().gap_m(&SQUARE);
+                assert!((gap_m - (solid.gap_m(&SQUARE) - by_m)).abs() < 1e-12, "{solid:?} by {by_m}");
+            }
+        }
+        assert_eq!((column.grown(-0.3), block.grown(-0.1)), (None, None));
+    }
+
+    /// Blocks and columns at many places and turns: grown a little more they touch the square, a little less they do not.
+    #[test]
+    fn what_is_grown_by_its_growth_just_touches() {
+        for step in 0..400 {
+            let t = f64::from(step);
+            let centre = [0.9 * libm::sin(t), 0.9 * libm::cos(1.7 * t)];
+            let size = 0.02 + 0.9 * libm::fabs(libm::sin(0.3 * t));
+            let solid = if step % 3 == 0 {
+                Solid::column(centre, 0.5 * size, [0.0, 1.0])
+            } else {
+                Solid::block(centre, [size, 0.3], t, [0.0, 1.0])
+            };
+            let growth_m = solid.growth_m([0.0; 2], 0.5);
+            let touches = |by_m| solid.grown(by_m).is_some_and(|grown| grown.gap_m(&SQUARE) < 1e-9);
+            assert!(touches(growth_m + 1e-6) && !touches(growth_m - 1e-6), "step {step}: {growth_m}");
+        }
     }
 
     #[test]
