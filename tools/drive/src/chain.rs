@@ -66,7 +66,7 @@ impl Chain {
         let robot = &setup.robot;
         let mapper = match setup.sight {
             Sight::Camera => Some(Mapper::new(&setup.mapper, robot).map_err(|error| refused(&error))?),
-            Sight::Grid => None,
+            Sight::Grid | Sight::Noisy => None,
         };
         let guarded = setup.sight == Sight::Camera && robot.camera.is_some();
         let guard = setup.guard.filter(|_| guarded).map(|config| Guard::new(&config, robot)).transpose();

@@ -1,6 +1,7 @@
 //! A drive: the simulator and the chain, event by event.
 
 use crate::chain::{Chain, Image};
+use crate::noise::{Noise, Outlook, body};
 use crate::outcome::Outcome;
 use crate::sight::{Sight, Surroundings};
 use sidestep_msgs::{
@@ -123,6 +124,8 @@ pub struct Drive {
     /// What reaches below this stands in the way.
     band_top_m: f64,
     half_width_m: f32,
+    body: Solid,
+    noise: Option<Noise>,
     arbitrated: bool,
     has_camera: bool,
     timeline: Timeline,
@@ -152,6 +155,8 @@ impl Drive {
             sight: setup.sight,
             band_top_m: f64::from(setup.mapper.band_top_m),
             half_width_m: setup.robot.half_width_m(),
+            body: body(&setup.robot),
+            noise: (setup.sight == Sight::Noisy).then_some(Noise(seed)),
             arbitrated: setup.arbitrated,
             has_camera: setup.robot.camera.is_some(),
             timeline: Timeline::new(simulator.rate_hz()),
@@ -195,7 +200,7 @@ impl Drive {
     fn frame(&mut self, now_ns: u64) {
         self.simulator.advance(now_ns);
         let status = match self.sight {
-            Sight::Grid => self.known_frame(now_ns),
+            Sight::Grid | Sight::Noisy => self.known_frame(now_ns),
             Sight::Camera if self.has_camera => {
                 self.simulator.render(&mut self.depth);
                 self.chain.frame(Image::Depth(&self.depth), now_ns)
@@ -216,8 +221,8 @@ impl Drive {
         let band_top_m = self.band_top_m;
         self.solids.extend(self.simulator.solids().filter(|solid| solid.is_in_band(band_top_m)));
         let surroundings = Surroundings {
-            solids: &self.solids,
-            pose: self.simulator.pose(),
+            outlook: Outlook { solids: &self.solids, pose: self.simulator.pose(), body: self.body },
+            noise: self.noise,
             believed: self.odometry.pose.advance(&self.odometry.twist, since_s),
             pose_epoch: self.odometry.pose_epoch,
             capture_ns: now_ns,
@@ -289,7 +294,7 @@ impl Drive {
         &self.truth
     }
 
-    /// The newest depth image; empty with [`Sight::Grid`].
+    /// The newest depth image; empty but with [`Sight::Camera`].
     #[must_use]
     pub fn depth(&self) -> &DepthFrame {
         &self.depth

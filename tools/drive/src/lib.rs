@@ -5,13 +5,16 @@
 //! drives, bit for bit.
 //!
 //! With [`Sight::Grid`] the maps are drawn from the world itself, without camera and mapper: a hundred times real time.
+//! With [`Sight::Noisy`] they err as the mapper's do.
 
 mod chain;
 mod drive;
+mod noise;
 mod outcome;
 mod sight;
 
 pub use chain::Chain;
 pub use drive::{Drive, DriveError, Lead, Setup};
+pub use noise::{BANDS, GROWN_M, NEAR_M, Outlook, SHRUNK_M, UNDER, body};
 pub use outcome::{Outcome, TracePoint};
 pub use sight::Sight;
