@@ -40,6 +40,8 @@ enum SightName {
     Camera,
     /// Both maps drawn from the world.
     Grid,
+    /// The same with the mapper's errors, as often as they were measured.
+    Noisy,
 }
 
 impl LongArguments {
@@ -75,6 +77,7 @@ pub(crate) fn long(arguments: &NavigateArguments, long: &LongArguments) -> Resul
         sight: match long.sight {
             None | Some(SightName::Camera) => Sight::Camera,
             Some(SightName::Grid) => Sight::Grid,
+            Some(SightName::Noisy) => Sight::Noisy,
         },
         distance_m: 1000.0 * km,
         limit_s: arguments.limit,
