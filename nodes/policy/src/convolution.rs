@@ -15,11 +15,14 @@ pub fn convolve<const FUSED: bool, const N: usize, const STRIDE: usize>(
     plane: &[f32],
     row: usize,
 ) -> [[f32; ROW_CELLS]; N] {
-    for tap in 0..9 {
-        let cells = &plane[(row + tap / 3) * STRIDE + tap % 3..][..ROW_CELLS];
-        for n in 0..N {
-            for lane in 0..ROW_CELLS {
-                sums[n][lane] = multiply_add::<FUSED>(kernels[n][tap], cells[lane], sums[n][lane]);
+    for line in 0..3 {
+        for column in 0..3 {
+            let cells = &plane[(row + line) * STRIDE + column..][..ROW_CELLS];
+            for n in 0..N {
+                let weight = kernels[n][line * 3 + column];
+                for lane in 0..ROW_CELLS {
+                    sums[n][lane] = multiply_add::<FUSED>(weight, cells[lane], sums[n][lane]);
+                }
             }
         }
     }
