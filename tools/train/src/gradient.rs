@@ -1,15 +1,16 @@
 //! Loss and gradient of a group of samples, in one fixed order of sums.
 
-use crate::head::Head;
+use crate::head::{Head, Outputs};
 use crate::parameters::{LAMBDA, Shape, VALUE_SCALE, output_scale};
 use crate::planes::{Kernels, PlaneScratch, Trace, backward, forward, place};
 use crate::record::Record;
 use sidestep_msgs::{LOCAL_SIDE, Limits, Twist, clamp_to_window};
 use sidestep_policy::{
-    CROP_COL, CROP_COLS, CROP_PLANES, CROP_ROW, LOG_DOUBT_RANGE, Lanes, ROBOT_COL, ROBOT_ROW, goal_features,
+    CROP_CELLS, CROP_COL, CROP_COLS, CROP_PLANES, CROP_ROW, LOG_DOUBT_RANGE, Lanes, ROBOT_COL, ROBOT_ROW,
+    goal_features,
 };
 
-/// Samples whose planes are kept at once: enough for the products of the dense layers (8 cost a tenth more, 32 no less).
+/// Samples whose planes are kept at once: enough for the products of the dense layers (8 and 32 cost a little more).
 const CHUNK: usize = 16;
 /// `[m/s, rad/s]` error at which the loss turns from quadratic to linear.
 const HUBER: f32 = 0.05;
@@ -52,91 +53,91 @@ impl Sums {
 pub(crate) struct Worker {
     shape: Shape,
     lanes: Lanes,
+    kernels: Kernels,
     traces: Vec<Trace>,
     planes: PlaneScratch,
     head: Head,
 }
 
 impl Worker {
-    pub(crate) fn new(shape: Shape) -> Self {
+    pub(crate) fn new(shape: Shape, lanes: Lanes) -> Self {
         Self {
             shape,
-            lanes: crate::planes::lanes(),
+            lanes,
+            kernels: Kernels::default(),
             traces: vec![Trace::new(shape.rounds); CHUNK],
             planes: PlaneScratch::new(shape.channels),
-            head: Head::new(shape, CHUNK),
+            head: Head::new(shape, lanes, CHUNK),
         }
     }
 
+    /// Takes the parameters that the gradients are asked at.
+    pub(crate) fn load(&mut self, parameters: &[f32]) {
+        self.kernels = Kernels {
+            reward: Shape::kernels(&parameters[self.shape.reward()]),
+            bias: parameters[self.shape.reward_bias()].to_vec(),
+            value: Shape::kernels(&parameters[self.shape.value()]),
+            rounds: self.shape.rounds,
+        };
+        self.head.load(parameters);
+    }
+
     /// Adds the gradient of the summed loss of `records` to `gradient`.
-    pub(crate) fn group(
-        &mut self,
-        parameters: &[f32],
-        goal: &Goal,
-        records: &[Record],
-        gradient: &mut [f32],
-    ) -> Sums {
-        let kernels = self.kernels(parameters);
+    pub(crate) fn group(&mut self, goal: &Goal, records: &[Record], gradient: &mut [f32]) -> Sums {
         let mut sums = Sums::default();
         for chunk in records.chunks(CHUNK) {
+            self.answer(chunk);
             for (index, record) in chunk.iter().enumerate() {
-                self.plan(&kernels, index, record);
+                let place = self.head.output(index);
+                let output = *place;
+                sums.add(&loss(goal, record, &output, place));
             }
-            self.head.forward(parameters, chunk.len());
-            for (index, record) in chunk.iter().enumerate() {
-                let (output, slope) = self.head.output(index);
-                sums.add(&loss(goal, record, output, slope));
-            }
-            self.head.backward(parameters, chunk.len(), gradient);
-            for index in 0..chunk.len() {
+            self.head.backward(chunk.len(), gradient);
+            for (index, trace) in self.traces.iter().enumerate().take(chunk.len()) {
                 spread(self.head.crop_slopes(index), self.planes.gradient());
-                backward(self.lanes, &kernels, &self.traces[index], &mut self.planes, gradient);
+                backward(self.lanes, &self.kernels, trace, &mut self.planes, gradient);
             }
         }
         sums
     }
 
-    fn kernels(&self, parameters: &[f32]) -> Kernels {
-        Kernels {
-            reward: Shape::kernels(&parameters[self.shape.reward()]),
-            bias: parameters[self.shape.reward_bias()].to_vec(),
-            value: Shape::kernels(&parameters[self.shape.value()]),
-            rounds: self.shape.rounds,
+    /// From records to the outputs of the head.
+    fn answer(&mut self, records: &[Record]) {
+        for (index, record) in records.iter().enumerate() {
+            self.plan(index, record);
         }
+        self.head.forward(records.len());
     }
 
     /// From a record to what the head sees of it.
-    fn plan(&mut self, kernels: &Kernels, index: usize, record: &Record) {
+    fn plan(&mut self, index: usize, record: &Record) {
         let trace = &mut self.traces[index];
+        let reward_map = trace.reward_map_mut();
         for (cell, cost) in record.planning_cost.iter().enumerate() {
-            trace.reward_map[place(cell / LOCAL_SIDE, cell % LOCAL_SIDE)] = -f32::from(*cost) / 255.0;
+            reward_map[place(cell / LOCAL_SIDE, cell % LOCAL_SIDE)] = -f32::from(*cost) / 255.0;
         }
         let goal = usize::from(record.goal_cell);
-        trace.reward_map[place(goal / LOCAL_SIDE, goal % LOCAL_SIDE)] += LAMBDA;
-        forward(self.lanes, kernels, trace, &mut self.planes);
-        let [crop, direct] = self.head.input(index);
-        see(trace, crop);
-        direct[..2].copy_from_slice(&record.velocity);
-        direct[2..].copy_from_slice(&goal_features(goal));
+        reward_map[place(goal / LOCAL_SIDE, goal % LOCAL_SIDE)] += LAMBDA;
+        forward(self.lanes, &self.kernels, trace, &mut self.planes);
+        let direct = record.velocity.into_iter().chain(goal_features(goal));
+        self.head.see(index, crop(trace), direct);
     }
 }
 
 /// The crop: V relative to the robot, and m_r, cell by cell.
-fn see(trace: &Trace, crop: &mut [f32]) {
-    let value = trace.value();
+fn crop(trace: &Trace) -> impl Iterator<Item = [f32; CROP_PLANES]> {
+    let (value, reward_map) = (trace.value(), trace.reward_map());
     let robot = robot_places().iter().map(|index| value[*index]).sum::<f32>() * 0.25;
-    for (cell, planes) in crop.chunks_exact_mut(CROP_PLANES).enumerate() {
-        let from = crop_place(cell);
-        planes.copy_from_slice(&[VALUE_SCALE * (value[from] - robot), trace.reward_map[from]]);
-    }
+    let seen = move |from: usize| [VALUE_SCALE * (value[from] - robot), reward_map[from]];
+    (0..CROP_CELLS).map(crop_place).map(seen)
 }
 
-/// From the slopes of the crop to the gradient of V.
-fn spread(crop: &[f32], gradient: &mut [f32]) {
+/// From the slopes of V in the crop to the gradient of V.
+fn spread(crop: impl Iterator<Item = f32>, gradient: &mut [f32]) {
     gradient.fill(0.0);
     let mut total = 0.0;
-    for (cell, planes) in crop.chunks_exact(CROP_PLANES).enumerate() {
-        let part = VALUE_SCALE * planes[0];
+    for (cell, slope) in crop.enumerate() {
+        let part = VALUE_SCALE * slope;
         gradient[crop_place(cell)] += part;
         total += part;
     }
@@ -157,7 +158,7 @@ fn robot_places() -> [usize; 4] {
 ///
 /// The command is compared within the window of the label: beyond the same edge of it there is nothing to gain. The
 /// doubt learns the error as the scale of a Laplace distribution; the error itself is a constant to it.
-fn loss(goal: &Goal, record: &Record, output: &[f32], slope: &mut [f32]) -> Sums {
+fn loss(goal: &Goal, record: &Record, output: &Outputs, slope: &mut Outputs) -> Sums {
     let scale = output_scale(&goal.limits);
     let from = record.twist();
     let label = if goal.plain_labels { record.label_734 } else { record.label_solved };
@@ -224,10 +225,16 @@ mod tests {
         &[ConvolutionSize { outputs: 5, stride: 1 }, ConvolutionSize { outputs: 6, stride: 3 }];
     const DENSE: Shape = Shape { channels: 5, rounds: 6, convolutions: &[], hidden: [24, 16] };
 
-    fn evaluate(shape: Shape, parameters: &[f32], records: &[Record]) -> (f64, Vec<f32>) {
+    fn evaluate_on(lanes: Lanes, shape: Shape, parameters: &[f32], records: &[Record]) -> (f64, Vec<f32>) {
         let mut gradient = vec![0.0; shape.count()];
-        let sums = Worker::new(shape).group(parameters, &goal(), records, &mut gradient);
+        let mut worker = Worker::new(shape, lanes);
+        worker.load(parameters);
+        let sums = worker.group(&goal(), records, &mut gradient);
         (sums.loss, gradient)
+    }
+
+    fn evaluate(shape: Shape, parameters: &[f32], records: &[Record]) -> (f64, Vec<f32>) {
+        evaluate_on(Lanes::detect(), shape, parameters, records)
     }
 
     /// Compares slopes along random directions, one block of parameters at a time, with finite differences.
@@ -265,6 +272,23 @@ mod tests {
         }
     }
 
+    /// Seven samples of the network that ships: whole registers, parts of one, and a last quad that is not full.
+    #[test]
+    fn every_fused_variant_gives_the_same_bits() {
+        let fused: Vec<_> = Lanes::available().into_iter().filter(|lanes| lanes.class() == "fused").collect();
+        let shape = Shape { rounds: 6, ..Shape::STANDARD };
+        for shape in [shape, Shape { convolutions: CONVOLUTIONS, ..DENSE }] {
+            let (parameters, records) = (shape.initial(5), records(7));
+            let bits = |lanes| {
+                let (_, gradient) = evaluate_on(lanes, shape, &parameters, &records);
+                gradient.into_iter().map(f32::to_bits).collect::<Vec<_>>()
+            };
+            for pair in fused.windows(2) {
+                assert!(bits(pair[0]) == bits(pair[1]), "{pair:?} {shape:?}");
+            }
+        }
+    }
+
     /// Asks the exported model, run by an engine of its own, what the head answers here.
     #[test]
     fn the_exported_model_answers_what_was_trained() {
@@ -273,13 +297,14 @@ mod tests {
             let mut parameters = shape.initial(5);
             let mut random = Random::new(12, 0);
             parameters.iter_mut().for_each(|value| *value += 0.03 * random.normal());
-            let mut worker = Worker::new(shape);
-            worker.group(&parameters, &goal(), &records, &mut vec![0.0; shape.count()]);
+            let mut worker = Worker::new(shape, Lanes::detect());
+            worker.load(&parameters);
+            worker.answer(&records);
             for (index, record) in records.iter().enumerate() {
                 let contract = contract(shape.rounds, record);
                 let onnx = to_onnx(&shape.network(&parameters, &limits), &contract);
                 let answer = record_golden(&onnx, contract.golden).unwrap();
-                let (output, _) = worker.head.output(index);
+                let output = worker.head.output(index);
                 for axis in 0..2 {
                     let command = record.velocity[axis] + output_scale(&limits)[axis] * output[axis];
                     assert!((answer.command[axis] - command).abs() < 1e-4, "{:?} {output:?}", answer.command);

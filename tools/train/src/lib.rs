@@ -6,7 +6,6 @@
 
 mod artificial;
 mod checkpoint;
-mod convolution;
 mod demonstration;
 mod difference;
 mod drives;
@@ -16,11 +15,13 @@ mod generate;
 mod gradient;
 mod head;
 mod label;
-mod matrix;
+mod layer;
+mod line;
 mod mixture;
 mod optimiser;
 mod parameters;
 mod planes;
+mod products;
 mod random;
 mod record;
 mod trainer;

@@ -43,7 +43,7 @@ impl Adam {
     /// One step against the mean gradient; returns its norm before clipping.
     pub(crate) fn step(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f32) -> f32 {
         self.steps += 1;
-        let norm = gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>().sqrt() as f32;
+        let norm = norm(gradient);
         let clip = if norm > NORM_MAX { NORM_MAX / norm } else { 1.0 };
         let correction = |decay: f32| 1.0 - libm::pow(f64::from(decay), self.steps as f64) as f32;
         let rate = rate * correction(DECAY_SECOND).sqrt() / correction(DECAY_FIRST);
@@ -56,6 +56,17 @@ impl Adam {
         }
         norm
     }
+}
+
+/// The length of a gradient, in several sums side by side: one alone would wait for each addition.
+fn norm(gradient: &[f32]) -> f32 {
+    let mut sums = [0.0_f64; 16];
+    for part in gradient.chunks(sums.len()) {
+        for (sum, g) in sums.iter_mut().zip(part) {
+            *sum += f64::from(*g) * f64::from(*g);
+        }
+    }
+    sums.iter().sum::<f64>().sqrt() as f32
 }
 
 #[cfg(test)]

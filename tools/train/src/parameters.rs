@@ -1,7 +1,7 @@
 //! All parameters of the network as one vector, as the optimiser sees them, and their way into a model file.
 
-use crate::convolution::Layout;
 use crate::head::CROP;
+use crate::layer::Layout;
 use crate::random::Random;
 use sidestep_msgs::Limits;
 use sidestep_policy::{
@@ -117,6 +117,14 @@ impl Shape {
         let (inputs, outputs) = self.dense()[index];
         let bias = from + inputs * outputs;
         (from..bias, bias..bias + outputs)
+    }
+
+    /// Weight and bias of layer `index` of the head: convolutions, then dense layers.
+    pub(crate) fn head_layer(&self, index: usize) -> (Range<usize>, Range<usize>) {
+        match index.checked_sub(self.convolutions.len()) {
+            Some(dense) => self.layer(dense),
+            None => self.convolution(index),
+        }
     }
 
     /// Number of parameters.

@@ -12,12 +12,14 @@ use crate::parameters::{ConvolutionSize, Shape};
 use crate::random::Random;
 use crate::record::Record;
 use sidestep_msgs::{Robot, Twist, WINDOW_S};
-use sidestep_policy::{Contract, Golden, Policy, record_golden, to_onnx};
+use sidestep_policy::{Contract, Golden, Lanes, Policy, record_golden, to_onnx};
 use std::path::PathBuf;
 use std::sync::Mutex;
 
 /// Groups per batch: as many threads find work.
 const GROUPS: usize = 4;
+/// Numbers of a gradient that are added up before the next ones are: they stay in the first cache.
+const PART: usize = 4096;
 /// Steps between two progress lines.
 const REPORT_STEPS: u64 = 200;
 
@@ -252,7 +254,7 @@ impl<'a> Run<'a> {
                 doubt_weight: options.doubt_weight,
                 plain_labels: options.plain_labels,
             },
-            workers: vec![Worker::new(options.shape); options.threads.clamp(1, GROUPS)],
+            workers: vec![Worker::new(options.shape, Lanes::detect()); options.threads.clamp(1, GROUPS)],
             gradients: vec![vec![0.0; options.shape.count()]; GROUPS],
             batch: Vec::with_capacity(options.batch),
             kept: (0..data.count() as u32).filter(|index| !data.is_held_out(u64::from(*index))).collect(),
@@ -294,11 +296,12 @@ impl<'a> Run<'a> {
         std::thread::scope(|scope| {
             for worker in &mut self.workers {
                 scope.spawn(|| {
+                    worker.load(parameters);
                     loop {
                         let next = work.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
                         let Some(((records, gradient), sums)) = next else { break };
                         gradient.fill(0.0);
-                        *sums = worker.group(parameters, goal, records, gradient);
+                        *sums = worker.group(goal, records, gradient);
                     }
                 });
             }
@@ -306,11 +309,13 @@ impl<'a> Run<'a> {
         let mut sums = Sums::default();
         group_sums.iter().for_each(|group| sums.add(group));
         let [total, others @ ..] = self.gradients.as_mut_slice() else { return Ok(sums) };
-        for other in others {
-            total.iter_mut().zip(other).for_each(|(total, part)| *total += *part);
-        }
         let scale = 1.0 / self.options.batch as f32;
-        total.iter_mut().for_each(|value| *value *= scale);
+        for (index, total) in total.chunks_mut(PART).enumerate() {
+            for other in &*others {
+                total.iter_mut().zip(&other[index * PART..]).for_each(|(total, part)| *total += *part);
+            }
+            total.iter_mut().for_each(|value| *value *= scale);
+        }
         if !sums.loss.is_finite() || !total.iter().all(|value| value.is_finite()) {
             return Err(TrainError::Diverged { samples: self.state.seen });
         }
