@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// A pole at many places, with as many seeds: all its cells are free in a few thousandths, and of a box never.
+    /// A pole at many places, with as many seeds: all its cells are free in a few of a thousand, those of a box never.
     #[test]
     fn nothing_wider_than_a_pole_is_hidden() {
         let mut hidden = [0, 0];
@@ -181,7 +181,8 @@ mod tests {
                 *hidden += u32::from(cells.all(|(_, noisy)| *noisy == 0));
             }
         }
-        assert!((1..40).contains(&hidden[0]) && hidden[1] == 0, "{hidden:?} of 4000");
+        println!("{hidden:?} of 4000");
+        assert!((1..20).contains(&hidden[0]) && hidden[1] == 0, "{hidden:?} of 4000");
     }
 
     #[test]
