@@ -69,8 +69,8 @@ impl Outlook<'_> {
         }
         out.fill(0);
         draw(&seen_from(&self.body, frame), grid, out);
-        let near = |(band, growth_m): &(&mut u8, &mut f32)| **band > 0 || **growth_m < f32::INFINITY;
-        for (band, growth_m) in out.iter_mut().zip(growth_m).filter(near) {
+        let is_near = |(band, growth_m): &(&mut u8, &mut f32)| **band > 0 || **growth_m < f32::INFINITY;
+        for (band, growth_m) in out.iter_mut().zip(growth_m).filter(is_near) {
             let past = |edges_m: &[f32]| {
                 edges_m.iter().map(|edge_m| usize::from(*growth_m <= *edge_m)).sum::<usize>()
             };

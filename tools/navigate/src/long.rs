@@ -22,6 +22,8 @@ const PROBES: u64 = 2;
 const PROBE_S: f64 = 20.0;
 /// The code of arbiter and mapper without its comments: what a few drives do not show tells one from another too.
 const NODES: &str = include_str!(concat!(env!("OUT_DIR"), "/nodes.txt"));
+/// That of the errors of maps drawn from the world.
+const NOISE: &str = include_str!(concat!(env!("OUT_DIR"), "/noise.txt"));
 /// Seed of those rooms.
 const PROBE_SEED: u64 = 0x4c4f_4e47;
 /// Steps of the tube that a wish would have needed.
@@ -54,9 +56,9 @@ pub struct LongOptions<'a> {
     pub threads: usize,
 }
 
-/// Fingerprint of the code of arbiter and mapper, of the robot, of the time limit, and of how the chain behaves with this way
-/// of seeing: twist and reason of every command of a few drives of the expert. Whatever changes one of these opens a new
-/// account; a comment does not.
+/// Fingerprint of the code of arbiter and mapper, of the errors of the maps where they have some, of the robot, of the time
+/// limit, and of how the chain behaves with this way of seeing: twist and reason of every command of a few drives of the
+/// expert. Whatever changes one of these opens a new account; a comment does not.
 ///
 /// # Errors
 /// [`NavigateError`] where a model or a node refuses.
@@ -65,6 +67,9 @@ pub fn behaviour(options: &LongOptions<'_>) -> Result<String, NavigateError> {
     let mut bytes = options.robot.hash().to_le_bytes().to_vec();
     bytes.extend(options.limit_s.to_le_bytes());
     bytes.extend(NODES.bytes());
+    if options.sight == Sight::Noisy {
+        bytes.extend(NOISE.bytes());
+    }
     for number in 0..PROBES {
         let mut drive = Drive::new(setup(options.robot, &room(PROBE_SEED, number), conditions))?;
         while drive.outcome().time_s < PROBE_S {
@@ -300,7 +305,10 @@ mod tests {
         for part in ["const REFUSED_NS: u64", "impl Arbiter {", "HELD_GAP_M", "SEES_PAST_M"] {
             assert!(NODES.contains(part), "{part}");
         }
-        assert!(NODES.lines().all(|line| !line.starts_with("//") && !line.starts_with("#[test]")));
+        assert!(NOISE.contains("const OF_SAFETY: Chances"));
+        for code in [NODES, NOISE] {
+            assert!(code.lines().all(|line| !line.starts_with("//") && !line.starts_with("#[test]")));
+        }
     }
 
     /// Boxed in on all sides, since before a single wall there is a way out.
