@@ -17,7 +17,7 @@ const DEEP: usize = BANDS - 1;
 /// Bands: first the cells far from everything, then those of [`GROWN_M`], [`UNDER`], those of [`SHRUNK_M`].
 pub const BANDS: usize = UNDER + 1 + SHRUNK_M.len();
 
-/// `[m]` cells nearer to the robot than this have the first row of [`Chances`], those beyond the second: nearer, the camera
+/// `[m]` cells nearer to the robot than this have the first row of a table, those beyond the second: nearer, the camera
 /// does not see the floor any more.
 pub const NEAR_M: f64 = 1.2;
 
