@@ -35,8 +35,8 @@ pub use header::{Header, INPUTS_MAX, STAGES, Stage, StageStamp, Status, Taken};
 pub use health::{Health, NodeState};
 pub use layout::{Code, Field, Message, Primitive, layout_hash};
 pub use map::{
-    AGE_NEVER, AGE_OLDER, FREE_BELOW, Grid, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, LocalMap, SAFETY_CELLS,
-    SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, age_code, probability_code, safety_frame,
+    AGE_NEVER, AGE_OLDER, FREE_BELOW, Grid, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, LocalMap, OBSTACLE_FROM,
+    SAFETY_CELLS, SAFETY_GRID, SAFETY_SIDE, STILL, SafetyMap, age_code, probability_code, safety_frame,
 };
 pub use odometry::{Odometry, RANGES_MAX, Range, Ranges};
 pub use operator::{Estop, EstopAction, Teleop};

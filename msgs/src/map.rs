@@ -14,6 +14,9 @@ pub const SAFETY_CELLS: usize = SAFETY_SIDE * SAFETY_SIDE;
 /// `[1]` probability of being occupied below which a cell that was seen counts as free to drive on, unless configured
 /// otherwise; the unknown is 0.5.
 pub const FREE_BELOW: f32 = 0.45;
+/// Occupancy code from which on (0.5) something counts as standing in a cell. Between this and [`FREE_BELOW`] a cell is in doubt,
+/// as a free one is that lost its certainty with motion: nothing was ever seen to stand there.
+pub const OBSTACLE_FROM: u8 = 128;
 /// Age code: the cell was never seen; the only mark of unknown.
 pub const AGE_NEVER: u8 = 255;
 /// Age code: seen longer ago than 25.3 s.

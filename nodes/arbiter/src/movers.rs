@@ -193,6 +193,7 @@ impl Movers {
         let steps = |slack_m: f32| ((slack_m + radius_m + gone_m) / SAFETY_GRID.cell_m) as usize;
         let [mut clear, mut not] = [steps(least_m) + SLACK_CELLS, steps(most_m) + SLACK_CELLS + 3]
             .map(|clear| clear.min(self.reached.len()));
+        // By hand, since the processor guesses these branches well; a search of the library has none to guess.
         while clear < not {
             let middle = usize::midpoint(clear, not);
             if is_clear(&self.reached[middle]) {

@@ -9,7 +9,7 @@
 //! from here does not show it.
 
 use crate::config::Config;
-use sidestep_msgs::{AGE_NEVER, LOCAL_GRID, LocalMap, Robot};
+use sidestep_msgs::{AGE_NEVER, LOCAL_GRID, LocalMap, OBSTACLE_FROM, Robot};
 
 /// `[rad]` least distance between the bearing from which a goal is drawn near and that from which it is nearest.
 const RAMP_RAD: f32 = 1e-3;
@@ -18,8 +18,6 @@ const RAMP_RAD: f32 = 1e-3;
 const ASIDE_PART: f32 = 0.5;
 /// `[m]` between the points looked at on a line, and where the first one lies.
 const STRIDE_M: f32 = 0.05;
-/// `[1/255]` occupancy from which something stands in a cell.
-const STANDS: u8 = 128;
 
 /// How near a goal is drawn, by its bearing.
 #[derive(Debug, Clone, Copy)]
@@ -68,7 +66,8 @@ impl Facing {
                 let on_m = step as f32 * STRIDE_M;
                 LOCAL_GRID.index(on_m * ux - aside_m * uy, on_m * uy + aside_m * ux)
             });
-            let seen_over = |index: &usize| map.age[*index] == AGE_NEVER || map.occupancy[*index] < STANDS;
+            let seen_over =
+                |index: &usize| map.age[*index] == AGE_NEVER || map.occupancy[*index] < OBSTACLE_FROM;
             cells.take_while(seen_over).any(|index| map.age[index] == AGE_NEVER)
         })
     }

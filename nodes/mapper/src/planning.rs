@@ -1,14 +1,13 @@
 //! The planning cost m_o of eq. (3): occupancy widened by the robot, since eq. (6) moves a point.
 
-use sidestep_msgs::{AGE_NEVER, FREE_BELOW, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, Robot, probability_code};
+use sidestep_msgs::{
+    AGE_NEVER, FREE_BELOW, LOCAL_CELLS, LOCAL_GRID, LOCAL_SIDE, OBSTACLE_FROM, Robot, probability_code,
+};
 
 /// Cost of a cell that was never seen: 0.3, below the limit 0.4 of the expert.
 pub const UNKNOWN_COST: u8 = 77;
 /// Occupancy below this (0.35) counts as free: one clear sighting of the floor is enough.
 pub const CLEAR_BELOW: u8 = 90;
-/// Occupancy from here on (0.5) counts as an obstacle and is widened. What lies between is in doubt, as a free cell is
-/// that lost its certainty with motion: it costs what the unknown costs, since nothing was ever seen to stand there.
-const OBSTACLE_FROM: u8 = 128;
 /// Occupancy from here on is not free for the arbiter.
 const NOT_FREE_FROM: u8 = probability_code(FREE_BELOW);
 /// P of a cell of which nothing is known.

@@ -44,7 +44,7 @@ impl Window {
     }
 
     /// Sets of outputs that a run fills, when it is what is summed.
-    fn sets(&self) -> usize {
+    pub(crate) fn sets(&self) -> usize {
         self.run.div_ceil(LANES * GROUPS)
     }
 }

@@ -380,13 +380,9 @@ fn collect<const FUSED: bool>(reward_map: &Plane, scratch: &PlaneScratch, out: &
     for channel in 0..channels {
         let mut taps = [Line::ZERO; 9];
         let mut bias = Line::ZERO;
-        let mut left = (1_u64 << CELL_LINES) - 1;
-        while left != 0 {
-            let half = left.trailing_zeros() as usize;
-            left &= left - 1;
-            let part = scratch.reward_gradient[channel * CELL_LINES + half];
-            bias = bias.plus(part);
-            add_neighbours::<FUSED>(part, reward_map, half, &mut taps);
+        for (half, part) in scratch.reward_gradient[channel * CELL_LINES..][..CELL_LINES].iter().enumerate() {
+            bias = bias.plus(*part);
+            add_neighbours::<FUSED>(*part, reward_map, half, &mut taps);
         }
         for tap in 0..9 {
             out[channel * 9 + tap] += taps[tap].total();

@@ -136,7 +136,7 @@ fn backward_body<const FUSED: bool>(layer: &mut Layer, wide: bool, samples: usiz
     slopes[..samples * *size].fill(0.0);
     let sums = &sums[..cells * *groups];
     let (starts, _) = starts[..cells].as_chunks::<ROWS>();
-    let sets = window.run.div_ceil(LANES * GROUPS);
+    let sets = window.sets();
     for (set, weights) in transposed.chunks_exact(*outputs).enumerate() {
         let (row, from) = (set / sets, set % sets * LANES * GROUPS);
         let count = GROUPS.min((window.run - from).div_ceil(LANES));
