@@ -64,3 +64,5 @@ mod compare;
 mod learning;
 // What a base really does: step tests, its watchdog, and the checks before a drive.
 mod identify;
+// Each guard of the arbiter taken away: a test misses it.
+mod guards;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// All files below a folder that belong to the project.
-fn files(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     let skip = ["target", ".git", "recordings", "models"];
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap().flatten() {

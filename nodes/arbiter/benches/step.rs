@@ -63,10 +63,10 @@ fn driving(robot: &Robot, map: &SafetyMap, twist: Twist) -> Arbiter {
 
 fn step(bencher: divan::Bencher<'_, '_>, robot: &Robot, map: &SafetyMap, twist: Twist) {
     let arbiter = driving(robot, map, twist);
-    bencher.with_inputs(|| arbiter.clone()).bench_local_values(|mut arbiter| {
+    bencher.with_inputs(|| arbiter.clone()).bench_local_refs(|arbiter| {
         let mut command = Command::default();
         arbiter.step(NOW_NS + 5_000_000, false, &mut command);
-        (command, arbiter)
+        command
     });
 }
 
@@ -160,10 +160,10 @@ fn looking(bencher: divan::Bencher<'_, '_>, occupied: impl Fn(f32, f32) -> bool)
         let before = arbiter.clone();
         arbiter.step(stamp_ns, false, &mut command);
         if command.winner == Winner::Recovery as u32 {
-            bencher.with_inputs(|| before.clone()).bench_local_values(|mut arbiter| {
+            bencher.with_inputs(|| before.clone()).bench_local_refs(|arbiter| {
                 let mut command = Command::default();
                 arbiter.step(stamp_ns, false, &mut command);
-                (command, arbiter)
+                command
             });
             return;
         }

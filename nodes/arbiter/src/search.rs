@@ -12,10 +12,8 @@ use crate::tube::{Candidate, Hit, Situation, Tube};
 use bytemuck::{Pod, Zeroable};
 use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 
-/// Steps of the coarse search: 0.05 each.
-const STEPS: u32 = 20;
-/// Halvings below one coarse step.
-const FINE: u32 = 5;
+/// A part of the wish is found to this.
+const FINE: f32 = 1.0 / 640.0;
 /// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change.
 const SLOW_M_S: f32 = 0.15;
 /// `[m/s]` and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
@@ -194,18 +192,19 @@ impl Filter<'_> {
         if let Some(motion) = sweep(top) {
             return (Some((motion, top)), hit);
         }
-        let mut best = None;
-        let (mut low, mut high) = (0, libm::ceilf(top * STEPS as f32) as u32);
-        while low + 1 < high {
-            let middle = u32::midpoint(low, high);
-            let scale = middle as f32 / STEPS as f32;
-            match sweep(scale) {
-                Some(motion) => (best, low) = (Some((motion, scale)), middle),
-                None => high = middle,
+        let (mut best, mut low, mut high) = (None, 0.0, top);
+        // What the limits of this tick leave of the wish lies between these two.
+        for scale in [at(top), at(0.0)].map(|end| part(&end.twist, &wish)) {
+            if scale <= FINE || scale >= high {
+                continue;
             }
+            if let Some(motion) = sweep(scale) {
+                (best, low) = (Some((motion, scale)), scale);
+                break;
+            }
+            high = scale;
         }
-        let (mut low, mut high) = (low as f32 / STEPS as f32, top.min(high as f32 / STEPS as f32));
-        for _ in 0..FINE {
+        while high - low > FINE {
             let middle = 0.5 * (low + high);
             match sweep(middle) {
                 Some(motion) => (best, low) = (Some((motion, middle)), middle),
@@ -289,4 +288,9 @@ impl Filter<'_> {
         let reason = if harmless { Reason::Braking } else { Reason::Emergency };
         Filtered { motion: hard, scale: 0.0, reason, cell: hit.cell }
     }
+}
+
+/// The part of a wish that a twist is: of its speed, or of its turn where it is one on the spot.
+fn part(twist: &Twist, wish: &Twist) -> f32 {
+    if wish.v_m_s == 0.0 { twist.w_rad_s / wish.w_rad_s } else { twist.v_m_s / wish.v_m_s }
 }

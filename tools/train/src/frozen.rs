@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x9872_8c1d_ec8f_83ca,
+        content_hash: 0x15eb_eff7_0dc1_889f,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0xc793_5654_b375_90ce,
+        content_hash: 0x7293_b802_2cab_35b7,
     },
 ];
 
