@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::identify::{failure, robot_of_recording};
 use crate::look::only_run;
 use crate::manifest::robot_named;
+use crate::space::{REMEDY, SHARED_MEMORY, space_mb};
 use crate::stick::{may_drive_at, robot_of_run};
 use sidestep_bus::{host_ns, live_domains, runtime_root};
 use sidestep_identify::{Onset, Series, Verdict, Watchdog};
@@ -81,13 +82,6 @@ fn check(
     Check { name, state: if fine { State::Ok } else { otherwise }, found, needed, remedy }
 }
 
-/// `[MB]` free and whole size of the file system of a path.
-fn space_mb(path: &Path) -> Option<(u64, u64)> {
-    let room = rustix::fs::statvfs(path).ok()?;
-    let megabytes = |blocks: u64| blocks.saturating_mul(room.f_frsize) >> 20;
-    Some((megabytes(room.f_bavail), megabytes(room.f_blocks)))
-}
-
 /// A limit of this process, as the kernel lists it; the largest number = none.
 fn limit(name: &str) -> u64 {
     let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
@@ -114,7 +108,7 @@ fn folder_check(name: &'static str, folder: &Path, remedy: &'static str) -> Chec
 
 /// Shared memory, folders and disk.
 fn places(record: &Path) -> Vec<Check> {
-    let memory = Path::new("/dev/shm");
+    let memory = Path::new(SHARED_MEMORY);
     let (free, whole) = space_mb(memory).unwrap_or_default();
     let disk = record.ancestors().find(|path| path.is_dir()).unwrap_or(Path::new("."));
     let (disk_free, _) = space_mb(disk).unwrap_or_default();
@@ -128,7 +122,7 @@ fn places(record: &Path) -> Vec<Check> {
             (free >= 256, State::Bad),
             format!("{free} of {whole} MB free in /dev/shm"),
             "256 MB free",
-            "end other runs, or mount /dev/shm with a larger size (containers: --shm-size)",
+            REMEDY,
         ),
         folder_check("shared files", memory, "give this user rights on /dev/shm"),
         folder_check("runs", &root, "remove it, or set XDG_RUNTIME_DIR to a short path of this user"),

@@ -31,6 +31,7 @@ mod report;
 mod roles;
 mod run;
 mod silence;
+mod space;
 mod stick;
 mod supervisor;
 mod watched;

@@ -90,6 +90,7 @@ fn run_number() -> u64 {
 pub(crate) fn run(options: &Options) -> Result<(), Failure> {
     let graph = options.load()?;
     crate::external::find_programs(&graph)?;
+    crate::space::check_shared_memory()?;
     let wishes = Wishes::listen()?;
     let mut supervisor = Supervisor::new(graph.clone(), run_number())?;
     let mut monitor = Monitor::new(supervisor.link(), &graph)?;

@@ -3,8 +3,10 @@
 use crate::child::{self, RunNames, Usage};
 use crate::external::FirstWord;
 use crate::manifest::{NodePlan, Restart, Supervision};
+use crate::space::cause_of;
 use sidestep_bus::{Inbox, Keep, Link, NodeError, Step};
 use sidestep_msgs::{Health, NodeState, TOPICS_MAX, health_topic};
+use std::os::unix::process::ExitStatusExt;
 use std::process::Child;
 
 /// Where a node is in its life.
@@ -198,7 +200,8 @@ impl Watched {
         self.phase = if self.plan.restart == Restart::Never || hopeless { Phase::Ended } else { Phase::Dead };
         let over = self.phase == Phase::Ended && self.exit_code != Some(0);
         let what = if over { "ended and given up" } else { "ended" };
-        Some(self.event(now_ns, format!("{what}: {ending} after {lived_s:.1} s")))
+        let cause = cause_of(status.signal()).map_or_else(String::new, |cause| format!("; {cause}"));
+        Some(self.event(now_ns, format!("{what}: {ending} after {lived_s:.1} s{cause}")))
     }
 
     /// Takes note of an end that was asked for.

@@ -28,6 +28,9 @@ mod injections;
 // Graph time in steps: the same seed, the same bytes.
 mod lockstep;
 
+// Shared memory without room: refused before the start, survived after it.
+mod full_memory;
+
 // Input that no driver should send: refused with a reason, and survived.
 mod abnormal;
 

@@ -1,0 +1,44 @@
+//! Free room: on disks, and in the shared memory that messages lie in.
+
+use crate::failure::Failure;
+use std::path::Path;
+
+/// Where shared memory lies.
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+/// `[MB]` all messages of a graph together are smaller. They take their room when they are written first: who finds none then is
+/// ended by the system (SIGBUS).
+const LEAST_MB: u64 = 32;
+/// What to do where there is none.
+pub(crate) const REMEDY: &str =
+    "end other runs, or mount /dev/shm with a larger size (containers: --shm-size)";
+
+/// `[MB]` free and whole size of the file system of a path.
+pub(crate) fn space_mb(path: &Path) -> Option<(u64, u64)> {
+    let room = rustix::fs::statvfs(path).ok()?;
+    let megabytes = |blocks: u64| blocks.saturating_mul(room.f_frsize) >> 20;
+    Some((megabytes(room.f_bavail), megabytes(room.f_blocks)))
+}
+
+/// Free and whole size of the shared memory, in words.
+fn found() -> (u64, String) {
+    let (free, whole) = space_mb(Path::new(SHARED_MEMORY)).unwrap_or_default();
+    (free, format!("{free} of {whole} MB free in {SHARED_MEMORY}"))
+}
+
+/// Whether the messages of a graph find room.
+///
+/// # Errors
+/// Too little shared memory is free.
+pub(crate) fn check_shared_memory() -> Result<(), Failure> {
+    match found() {
+        (free, found) if free < LEAST_MB => {
+            Err(Failure::io(format!("{found}, {LEAST_MB} MB needed: {REMEDY}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What a signal says of why a process ended, where it says anything.
+pub(crate) fn cause_of(signal: Option<i32>) -> Option<String> {
+    (signal == Some(libc::SIGBUS)).then(|| format!("no room for a message: {}: {REMEDY}", found().1))
+}
