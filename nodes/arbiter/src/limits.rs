@@ -146,6 +146,15 @@ mod tests {
     }
 
     #[test]
+    fn a_wish_beyond_the_limits_is_the_limit() {
+        let l = loomo().limits;
+        let bounded = |v_m_s, w_rad_s| limiter().bounded(Twist::new(v_m_s, w_rad_s));
+        assert_eq!(bounded(9.0, -9.0), Twist::new(l.forward_m_s, -l.turn_rad_s));
+        assert_eq!(bounded(-9.0, 9.0), Twist::new(-l.reverse_m_s, l.turn_rad_s));
+        assert_eq!(bounded(0.1, f32::INFINITY), Twist::STOP);
+    }
+
+    #[test]
     fn a_wish_is_reached_without_passing_it() {
         for wish in [1.0, 0.5, 0.02, -0.2] {
             let mut motion = Motion::REST;

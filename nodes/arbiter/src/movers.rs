@@ -275,6 +275,20 @@ mod tests {
         }
     }
 
+    #[test]
+    fn where_nothing_is_known_movers_may_be_anywhere() {
+        let mut robot = loomo();
+        robot.start.mover_m_s = 0.5;
+        let mut space = crate::clearance::FreeSpace::new(&Config::STANDARD, &robot);
+        let is_free = |movers: &Movers| movers.slack_m([0.0, 0.0], 0.3, 0.0, [0.0, 0.5]).is_some();
+        assert!(!is_free(&space.movers));
+        space.movers.take(&Sight { taken: NONE, fresh: NONE, unseen: NONE }, &MIDDLE);
+        assert!(is_free(&space.movers));
+        assert_eq!(space.movers.reached(9.0), Err(NO_CELL), "farther than is computed");
+        space.clear();
+        assert!(!is_free(&space.movers));
+    }
+
     /// Floor nearer than it can be seen hides somebody behind a thing and nobody in the open; farther off it does both.
     #[test]
     fn a_thing_hides_what_is_behind_it() {

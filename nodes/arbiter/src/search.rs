@@ -14,7 +14,7 @@ use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 
 /// A part of the wish is found to this.
 const FINE: f32 = 1.0 / 640.0;
-/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change.
+/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change. Who backs up goes on.
 const SLOW_M_S: f32 = 0.15;
 /// `[m/s]` and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
 const BEGIN: (f32, f32) = (0.06, 0.3);
@@ -117,9 +117,10 @@ impl Filter<'_> {
                 return Filtered { scale: 0.0, reason: Reason::Straight, cell, ..filtered };
             }
         }
-        if question.ways == Ways::Escapes && question.from.twist.v_m_s.abs() < SLOW_M_S {
-            let found = self.turn(question, wish, escape).or_else(|| self.back_up(question, escape));
-            if let Some((motion, reason)) = found {
+        if question.ways == Ways::Escapes && question.from.twist.v_m_s < SLOW_M_S {
+            let may_turn = question.from.twist.v_m_s > -SLOW_M_S;
+            let turn = may_turn.then(|| self.turn(question, wish, escape)).flatten();
+            if let Some((motion, reason)) = turn.or_else(|| self.back_up(question, escape)) {
                 escape.used_ns = question.now_ns;
                 return Filtered { motion, scale: 0.0, reason, cell };
             }
@@ -130,7 +131,7 @@ impl Filter<'_> {
     /// The answer where the map is free but a direct sensor sees something right ahead: a turn might swing a corner into it, so the
     /// robot backs off.
     fn back_off(&self, question: &Question, filtered: Filtered, escape: &mut Escape) -> Filtered {
-        let may = question.ways == Ways::Escapes && question.from.twist.v_m_s.abs() < SLOW_M_S;
+        let may = question.ways == Ways::Escapes && question.from.twist.v_m_s < SLOW_M_S;
         let Some((motion, reason)) = may.then(|| self.back_up(question, escape)).flatten() else {
             return filtered;
         };

@@ -37,14 +37,14 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0x15eb_eff7_0dc1_889f,
+        content_hash: 0xd0fc_9c3c_2f70_0d12,
     },
     FrozenSet {
         name: "paper.data",
         seed: 990_003,
         samples: 10_000,
         bursts: Some(false),
-        content_hash: 0x7293_b802_2cab_35b7,
+        content_hash: 0x1011_c527_6eb5_522c,
     },
 ];
 

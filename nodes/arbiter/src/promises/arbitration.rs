@@ -2,7 +2,7 @@
 
 use crate::fixture::{MS, Stage, TICK, loomo};
 use crate::{Arbiter, Config, Resume, Standing};
-use sidestep_msgs::{Command, Estop, EstopAction, Reason, Status, Twist, Winner};
+use sidestep_msgs::{Command, Estop, EstopAction, Header, Odometry, Reason, Status, Twist, Winner};
 
 const FORWARD: Twist = Twist::new(0.5, 0.0);
 const LATCHED: Standing = Standing { latched: true, held: false };
@@ -191,18 +191,25 @@ fn a_restored_arbiter_gives_the_same_commands() {
     assert_eq!(stage.arbiter.state(&mut [0; 10]), 0);
 }
 
+/// The robot of the recording stands, to the last bit of its odometry or but for that; the arbiter's words do not move it.
 #[test]
 fn a_recording_that_no_command_can_change_says_so_and_starts_no_recovery() {
-    let mut stage = driving();
-    for _ in 0..1500 {
-        // The robot of the recording stands; the arbiter's words do not move it.
-        let pose = stage.pose;
-        stage.feed();
-        let mut command = Command::default();
-        stage.arbiter.step(stage.now_ns, true, &mut command);
-        assert_eq!((command.open_loop, command.winner), (1, Winner::Policy as u32));
-        stage.now_ns += TICK;
-        stage.pose = pose;
+    for frozen in [false, true] {
+        let mut stage = driving();
+        let (same, pose) = (stage.measure(), stage.pose);
+        stage.mute.odometry = frozen;
+        for _ in 0..1500 {
+            let odometry = Odometry { stamp_ns: stage.now_ns, ..same };
+            if frozen {
+                stage.arbiter.odometry(&odometry, &Header::default());
+            }
+            stage.feed();
+            let mut command = Command::default();
+            stage.arbiter.step(stage.now_ns, true, &mut command);
+            assert_eq!((command.open_loop, command.winner), (1, Winner::Policy as u32));
+            stage.now_ns += TICK;
+            stage.pose = pose;
+        }
     }
 }
 

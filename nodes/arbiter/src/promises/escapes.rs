@@ -1,7 +1,7 @@
 //! Ways out: turning, backing up, recovery, squeezing away from what is too near.
 
 use crate::Config;
-use crate::fixture::{Solid, Stage, map_of};
+use crate::fixture::{Solid, Stage, loomo, map_of};
 use sidestep_msgs::{
     AGE_NEVER, AGE_OLDER, Estop, EstopAction, Header, LocalGoal, Pose2, Range, Ranges, Reason, SAFETY_GRID,
     Status, Teleop, Twist,
@@ -71,23 +71,26 @@ fn turning_counts_as_progress_for_a_while() {
 }
 
 /// Something that the map does not hold and an ultrasonic sensor sees, right before a robot that wants on: it backs off at once,
-/// since a turn might swing a corner into it, and comes no nearer while the sensor sees it.
+/// since a turn might swing a corner into it, and comes no nearer while the sensor sees it. It does not back off for ever.
 #[test]
 fn before_what_only_a_sensor_sees_it_backs_off() {
     for turn_rad_s in [0.3, 0.0, -0.3f32] {
         let mut stage = Stage::new(&CONFIG, &[]);
         stage.wish = Twist::new(0.4, turn_rad_s);
-        for tick in 0..300 {
+        let mut reversed_m = 0.0;
+        for tick in 0..700 {
             let mut ranges = Ranges { stamp_ns: stage.now_ns, count: 1, ..Ranges::default() };
             ranges.sensors[0] = Range { x_m: 0.1, near_m: 0.1, far_m: 1.5, range_m: 0.1, ..Range::default() };
             stage.arbiter.ranges(&ranges);
             stage.tick();
             assert!(stage.command.twist.v_m_s < 0.01, "{:?}", stage.command);
-            if tick == 20 {
-                assert_eq!(stage.command.reason, Reason::Reversing as u32, "{:?}", stage.command);
-            }
+            let reverses = stage.command.reason == Reason::Reversing as u32;
+            assert!(reverses || tick != 20, "{:?}", stage.command);
+            reversed_m -= if reverses { stage.command.twist.v_m_s * 0.01 } else { 0.0 };
+            assert!(tick > 300 || stage.pose.yaw_rad.abs() < 0.01, "{:?}", stage.pose);
         }
-        assert!(stage.pose.x_m < -0.3 && stage.pose.yaw_rad.abs() < 0.01, "{:?}", stage.pose);
+        let most_m = CONFIG.back_up_m;
+        assert!(reversed_m > most_m - 0.01 && reversed_m < most_m + 0.01, "{reversed_m} {:?}", stage.command);
     }
 }
 
@@ -214,6 +217,25 @@ fn a_robot_with_something_inside_its_margin_leaves_without_coming_nearer() {
             assert!(stage.gap_m() > start - 0.006, "{off_m}: {} {:?}", stage.gap_m(), stage.pose);
         }
         assert!(stage.pose.x_m > 1.0, "{off_m}: {:?} {:?}", stage.pose, stage.command);
+    }
+}
+
+/// Past the end of a wall, with a base that does not err: as fast as wished with all of the margin free, slowly with less,
+/// creeping with less than the least.
+#[test]
+fn the_nearer_to_a_wall_the_slower() {
+    let mut robot = loomo();
+    (robot.actuator.tracking_m_s, robot.actuator.tracking_rad_s) = (0.0, 0.0);
+    for (left_m, wall, most_m_s) in [
+        (-0.02, [-3.0, 0.32, 0.6, 1.0], 0.5),
+        (-0.012, [-3.0, 0.32, 0.6, 1.0], CONFIG.squeeze_m_s),
+        (-0.02, [-3.0, 0.31, 0.1, 1.0], 0.1),
+    ] {
+        let mut stage = Stage::of(&CONFIG, robot.clone(), &[wall], 0);
+        stage.pose.y_m = left_m;
+        stage.wish = Twist::new(0.5, 0.0);
+        let fastest_m_s = (0..150).map(|_| stage.tick().twist.v_m_s).fold(0.0, f32::max);
+        assert!((fastest_m_s - most_m_s).abs() < 0.01, "{left_m} {wall:?}: {fastest_m_s}");
     }
 }
 

@@ -50,7 +50,7 @@ fn odometry_with_any_number_that_is_none_is_unfit() {
 }
 
 #[test]
-fn a_map_without_a_pose_and_a_goal_with_a_foreign_status_are_not_taken() {
+fn a_map_without_a_pose_and_a_goal_with_a_foreign_status_or_from_nowhere_are_not_taken() {
     let mut stage = driving(FORWARD);
     stage.mute.map = true;
     let nowhere = Pose2 { y_m: f64::NAN, ..Pose2::ORIGIN };
@@ -64,13 +64,15 @@ fn a_map_without_a_pose_and_a_goal_with_a_foreign_status_are_not_taken() {
         stage.goal_status = status;
         assert_eq!(after(&mut stage, 12, |_| ()), Reason::StaleGoal as u32, "{status:?}");
     }
-    let mut stage = driving(FORWARD);
-    stage.mute.goal = true;
-    let reason = after(&mut stage, 12, |stage| {
-        let goal = LocalGoal { capture_ns: stage.now_ns, ..LocalGoal::default() };
-        stage.arbiter.local_goal(&goal, &Header { status: 999, ..Header::default() });
-    });
-    assert_eq!(reason, Reason::StaleGoal as u32);
+    for (status, x_m, y_m) in [(999, 1.0, 0.0), (0, f32::NAN, 0.0), (0, 1.0, f32::NAN)] {
+        let mut stage = driving(FORWARD);
+        stage.mute.goal = true;
+        let reason = after(&mut stage, 12, |stage| {
+            let goal = LocalGoal { capture_ns: stage.now_ns, x_m, y_m, ..LocalGoal::default() };
+            stage.arbiter.local_goal(&goal, &Header { status, ..Header::default() });
+        });
+        assert_eq!(reason, Reason::StaleGoal as u32, "{status} {x_m} {y_m}");
+    }
 }
 
 #[test]

@@ -9,5 +9,6 @@ mod movers;
 mod pauses;
 mod properties;
 mod reasons;
+mod sweep;
 mod trust;
 mod ways_out;

@@ -38,6 +38,10 @@ fn a_clock_that_runs_backward_is_one_tick_of_change() {
     stage.now_ns -= 500 * MS;
     let v = stage.step().twist.v_m_s;
     assert!(v <= before && v >= before - 0.0051, "{v} after {before}");
+    stage.ticks(3);
+    let situation = stage.arbiter.situation(stage.now_ns).unwrap();
+    let sent_s = situation.pending[..situation.pending_count].iter().map(|sent| sent.sent_s);
+    assert!(situation.pending_count > 0 && sent_s.clone().all(|sent_s| sent_s < 0.02), "{sent_s:?}");
 }
 
 /// A blocked robot waits 3 s; a jump of the pose after 2 s begins the wait anew.
