@@ -307,11 +307,18 @@ mod tests {
 
     /// What errors may take, and half of the way between two looks, leave the margin where nothing is near.
     #[test]
-    fn the_full_widening_leaves_the_margin() {
+    fn the_full_widening_leaves_the_margin_and_less_of_it_the_least() {
         let (robot, config) = (loomo(), Config::STANDARD);
         let tube = Tube::new(&config, &robot, &Outline::new(&robot).unwrap());
         let left_m = tube.full_margin_m - ERROR_M - 0.5 * tube.look_m(tube.full_margin_m);
         assert!((left_m - config.margin_m).abs() < 1e-6, "{left_m}");
+        // With less of it, half of the way between two looks takes no more than a millimetre of the least.
+        for part in 0..=10 {
+            let margin_m =
+                tube.least_margin_m + 0.1 * part as f32 * (tube.full_margin_m - tube.least_margin_m);
+            let left_m = margin_m - 0.5 * tube.look_m(margin_m);
+            assert!(left_m > tube.least_margin_m - 0.5 * NEAR_GAP_M - 1e-6, "{margin_m}: {left_m}");
+        }
     }
 
     /// Straight ahead at any speed: an error of the turn rate moves a point behind the axle aside by how far that point is
