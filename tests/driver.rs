@@ -183,6 +183,18 @@ fn a_driver_that_never_speaks_is_given_up() {
     );
 }
 
+/// The system ends so whoever writes to shared memory that is full.
+#[test]
+fn a_driver_that_found_no_room_for_a_message_is_said_to_have() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("no-room");
+    let graph = graph_with(&folder, &["sh", "-c", "kill -BUS $$"]);
+    let outcome = run(&["run", &graph, "--set", "supervision.restarts_most=0"]);
+    let says =
+        ["perhaps it found no room for a message; now ", " MB free in /dev/shm: end other runs, or mount"];
+    refused(&outcome, 1, &[&["ended and given up: signal 7 after"], &says[..]].concat());
+}
+
 /// The example driver in a folder of its own, changed a little.
 fn example(name: &str, change: impl Fn(&str) -> String) -> Option<(Folder, String)> {
     let python = python()?;

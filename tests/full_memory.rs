@@ -1,10 +1,8 @@
-//! Shared memory without room: refused before the start with the remedy; where it fills later, the robot stands until there is
-//! room again.
+//! Shared memory without room is refused before the start, with the remedy.
 
-use crate::harness::{Alone, Folder, Outcome, PATIENT, Running, SMALL, finish, sidestep};
+use crate::harness::{Outcome, finish, sidestep};
 use crate::recordings::SmallDisk;
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 /// The command with a disk in the place of its shared memory; `None` where this user may not do that.
 fn within(disk: &SmallDisk, command: &Command) -> Option<Command> {
@@ -40,32 +38,4 @@ fn too_little_shared_memory_is_refused_with_the_remedy() {
         finish(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap());
     assert_eq!(code, 3, "{err}");
     assert!(err.contains("8 of 8 MB free in /dev/shm, 32 MB needed: end other runs, or mount"), "{err}");
-}
-
-/// Depth frames find no room, all else does.
-#[test]
-fn shared_memory_that_fills_stops_the_robot_and_says_why() {
-    let _alone = Alone::wait();
-    let folder = Folder::new("full-memory");
-    let recordings = folder.join("recordings").display().to_string();
-    let fixed =
-        ["run", "sim", "--for", "15s", "--record", &recordings, "--set", "supervision.restarts_most=50"];
-    let Some((disk, command)) = mounted(40, &[&fixed[..], SMALL, PATIENT].concat()) else { return };
-    let mut running = Running::start(command);
-    running.wait_for("the first process", |_| {
-        std::fs::read_dir(&disk.0.0).is_ok_and(|entries| entries.count() > 0).then_some(())
-    });
-    let fill = disk.0.join("fill");
-    std::fs::write(&fill, vec![0; 36 << 20]).unwrap();
-    sidestep_bus::pause(Duration::from_secs(4));
-    std::fs::remove_file(&fill).unwrap();
-    let outcome = running.finish();
-    let why = "signal 7 after";
-    assert!(
-        outcome.err.contains(why) && outcome.err.contains("MB free in /dev/shm: end other"),
-        "{}",
-        outcome.err
-    );
-    assert!(outcome.code <= 1 && outcome.out.contains(" 0 contacts"), "{}{}", outcome.out, outcome.err);
-    assert!(outcome.err.contains("started again") && !outcome.err.contains("given up"), "{}", outcome.err);
 }

@@ -28,7 +28,7 @@ mod injections;
 // Graph time in steps: the same seed, the same bytes.
 mod lockstep;
 
-// Shared memory without room: refused before the start, survived after it.
+// Shared memory without room: refused before the start.
 mod full_memory;
 
 // Input that no driver should send: refused with a reason, and survived.

@@ -157,8 +157,8 @@ fn snapshot_cause(path: &Path) -> (String, f64) {
     (origin["snapshot"].clone(), origin["held_s"].parse().unwrap())
 }
 
-/// Asks for a snapshot, then stops the robot; tells what was said and every snapshot with its cause.
-fn asked_then_stopped(folder: &Folder) -> (String, Vec<(PathBuf, String)>) {
+/// Asks for a snapshot, then stops the robot; tells what was said, and every snapshot with its cause and the seconds it holds.
+fn asked_then_stopped(folder: &Folder) -> (String, Vec<(PathBuf, String, f64)>) {
     let mut running = Running::start(drive(&folder.0, &["--set", "recorder.whole_drive=false"]));
     let domain = running.wait_for("its domain", |running| running.domain("arbiter"));
     running.wait_for("its recorder", |running| running.node("recorder"));
@@ -171,13 +171,7 @@ fn asked_then_stopped(folder: &Folder) -> (String, Vec<(PathBuf, String)>) {
         let files = files(&folder.0, "snapshot-").into_iter();
         files.filter(|path| path.extension().unwrap() == "mcap").collect()
     };
-    // None comes where a trouble of seconds before was the first: they are one.
-    for _ in 0..20 {
-        pause(Duration::from_millis(500));
-        if whole().len() >= 2 {
-            break;
-        }
-    }
+    running.wait_for("the second file", |_| (whole().len() >= 2).then_some(()));
     pause(Duration::from_secs(1));
     running.signal(libc::SIGTERM);
     running.finish();
@@ -185,8 +179,7 @@ fn asked_then_stopped(folder: &Folder) -> (String, Vec<(PathBuf, String)>) {
     let kept = files(&folder.0, "snapshot-").into_iter();
     let told = kept.map(|path| {
         let (cause, held_s) = snapshot_cause(&path);
-        assert!(held_s > 1.0, "{}: {held_s} s", path.display());
-        (path, cause)
+        (path, cause, held_s)
     });
     (said.out, told.collect())
 }
@@ -198,19 +191,21 @@ fn the_last_seconds_are_kept_when_asked_and_when_the_robot_is_stopped() {
     for attempt in 1..=4 {
         let folder = Folder::new(&format!("recorder-snapshot-{attempt}"));
         let (said, kept) = asked_then_stopped(&folder);
-        let causes: Vec<_> = kept.iter().map(|(_, cause)| cause.as_str()).collect();
+        let causes: Vec<_> = kept.iter().map(|(_, cause, _)| cause.as_str()).collect();
         // A machine that stalls is a trouble of its own, and what follows within seconds belongs to it.
-        if causes != expected {
+        if causes.iter().any(|cause| !expected.contains(cause)) {
             println!("attempt {attempt}: {causes:?}");
             continue;
         }
-        let (asked, _) = &kept[0];
+        assert_eq!(causes, expected, "one trouble, one file");
+        let (asked, _, held_s) = &kept[0];
+        assert!(*held_s > 1.0, "{held_s} s");
         assert!(said.contains(&asked.display().to_string()) && said.contains("the last"), "{said}");
         let states = entries(asked).iter().filter(|entry| entry.topic == STATE_MAPPER.index).count();
         assert!(states > 0, "it can be replayed");
         return;
     }
-    panic!("not one attempt of four has the two files {expected:?} and no other");
+    panic!("the machine stalled in every attempt");
 }
 
 #[test]

@@ -14,7 +14,7 @@ use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 
 /// A part of the wish is found to this.
 const FINE: f32 = 1.0 / 640.0;
-/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change. Who backs up goes on.
+/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change. Who rolls backward may back up.
 const SLOW_M_S: f32 = 0.15;
 /// `[m/s]` and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
 const BEGIN: (f32, f32) = (0.06, 0.3);

@@ -88,6 +88,8 @@ fn before_what_only_a_sensor_sees_it_backs_off() {
             assert!(reverses || tick != 20, "{:?}", stage.command);
             reversed_m -= if reverses { stage.command.twist.v_m_s * 0.01 } else { 0.0 };
             assert!(tick > 300 || stage.pose.yaw_rad.abs() < 0.01, "{:?}", stage.pose);
+            let is_even = (stage.command.twist.v_m_s + CONFIG.back_up_m_s).abs() < 0.001;
+            assert!(is_even || !(100..300).contains(&tick), "{tick}: {:?}", stage.command);
         }
         let most_m = CONFIG.back_up_m;
         assert!(reversed_m > most_m - 0.01 && reversed_m < most_m + 0.01, "{reversed_m} {:?}", stage.command);
