@@ -28,7 +28,7 @@ fn python() -> Option<String> {
 }
 
 /// Runs a command that must fail with this code and say all of this.
-fn refused(outcome: &Outcome, code: i32, says: &[&str]) {
+pub(crate) fn refused(outcome: &Outcome, code: i32, says: &[&str]) {
     assert_eq!(outcome.code, code, "{}{}", outcome.out, outcome.err);
     for text in says {
         assert!(outcome.err.contains(text), "no \"{text}\" in:\n{}", outcome.err);
@@ -142,7 +142,7 @@ fn a_new_robot_begins_with_files_that_are_valid_and_never_overwritten() {
 }
 
 /// The shipped graph of a robot with this driver.
-fn graph_with(folder: &Folder, command: &[&str]) -> String {
+pub(crate) fn graph_with(folder: &Folder, command: &[&str]) -> String {
     let shipped = include_str!("../launch/graphs/robot.toml");
     let graph = shipped.replace("[\"/usr/local/lib/sidestep/driver\"]", &format!("{command:?}"));
     let recordings = folder.join("recordings").display().to_string();
@@ -181,18 +181,6 @@ fn a_driver_that_never_speaks_is_given_up() {
         1,
         &["driver | not ready in time: neither a message nor a heartbeat", "driver was given up: signal 9"],
     );
-}
-
-/// The system ends so whoever writes to shared memory that is full.
-#[test]
-fn a_driver_that_found_no_room_for_a_message_is_said_to_have() {
-    let _alone = Alone::wait();
-    let folder = Folder::new("no-room");
-    let graph = graph_with(&folder, &["sh", "-c", "kill -BUS $$"]);
-    let outcome = run(&["run", &graph, "--set", "supervision.restarts_most=0"]);
-    let says =
-        ["perhaps it found no room for a message; now ", " MB free in /dev/shm: end other runs, or mount"];
-    refused(&outcome, 1, &[&["ended and given up: signal 7 after"], &says[..]].concat());
 }
 
 /// The example driver in a folder of its own, changed a little.

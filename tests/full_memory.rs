@@ -1,6 +1,7 @@
-//! Shared memory without room is refused before the start, with the remedy.
+//! Shared memory without room: refused before the start with the remedy, and told as the likely cause of an end.
 
-use crate::harness::{Outcome, finish, sidestep};
+use crate::driver::{graph_with, refused};
+use crate::harness::{Alone, Folder, Outcome, finish, run, sidestep};
 use crate::recordings::SmallDisk;
 use std::process::{Command, Stdio};
 
@@ -38,4 +39,16 @@ fn too_little_shared_memory_is_refused_with_the_remedy() {
         finish(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap());
     assert_eq!(code, 3, "{err}");
     assert!(err.contains("8 of 8 MB free in /dev/shm, 32 MB needed: end other runs, or mount"), "{err}");
+}
+
+/// The system ends so whoever writes to shared memory that is full.
+#[test]
+fn a_driver_that_found_no_room_for_a_message_is_said_to_have() {
+    let _alone = Alone::wait();
+    let folder = Folder::new("no-room");
+    let graph = graph_with(&folder, &["sh", "-c", "kill -BUS $$"]);
+    let outcome = run(&["run", &graph, "--set", "supervision.restarts_most=0"]);
+    let says =
+        ["perhaps it found no room for a message; now ", " MB free in /dev/shm: end other runs, or mount"];
+    refused(&outcome, 1, &[&["ended and given up: signal 7 after"], &says[..]].concat());
 }
