@@ -137,7 +137,7 @@ fn movers_go_on_while_a_map_ages() {
     let mut robot = loomo();
     robot.start.mover_m_s = 0.5;
     let mut stage = Stage::of(&CONFIG, robot, &[], 0);
-    let mut fastest = |map_s: f32| {
+    let fastest = |map_s: f32| {
         let passes = |v_cm_s: &i32| {
             let wish = Twist::new(*v_cm_s as f32 * 0.01, 0.0);
             let situation = Situation { map_s, ..situation(&mut stage, wish) };
@@ -145,6 +145,6 @@ fn movers_go_on_while_a_map_ages() {
         };
         (1..100).take_while(passes).count()
     };
-    let [new, old, older] = [0.0, 0.2, 0.4].map(|map_s| fastest(map_s));
+    let [new, old, older] = [0.0, 0.2, 0.4].map(fastest);
     assert!(new > old && old > older && older > 0, "{new} {old} {older} cm/s");
 }
