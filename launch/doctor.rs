@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::identify::{failure, robot_of_recording};
 use crate::look::only_run;
 use crate::manifest::robot_named;
-use crate::space::{REMEDY, SHARED_MEMORY, space_mb};
+use crate::space::{REMEDY, SHARED_MEMORY, shared_memory, space_mb};
 use crate::stick::{may_drive_at, robot_of_run};
 use sidestep_bus::{host_ns, live_domains, runtime_root};
 use sidestep_identify::{Onset, Series, Verdict, Watchdog};
@@ -108,8 +108,7 @@ fn folder_check(name: &'static str, folder: &Path, remedy: &'static str) -> Chec
 
 /// Shared memory, folders and disk.
 fn places(record: &Path) -> Vec<Check> {
-    let memory = Path::new(SHARED_MEMORY);
-    let (free, whole) = space_mb(memory).unwrap_or_default();
+    let memory = shared_memory();
     let disk = record.ancestors().find(|path| path.is_dir()).unwrap_or(Path::new("."));
     let (disk_free, _) = space_mb(disk).unwrap_or_default();
     let root = runtime_root();
@@ -119,12 +118,12 @@ fn places(record: &Path) -> Vec<Check> {
     vec![
         check(
             "shared memory",
-            (free >= 256, State::Bad),
-            format!("{free} of {whole} MB free in /dev/shm"),
+            (memory.as_ref().is_none_or(|(free, _)| *free >= 256), State::Bad),
+            memory.map_or_else(|| format!("{SHARED_MEMORY} without a limit"), |(_, found)| found),
             "256 MB free",
             REMEDY,
         ),
-        folder_check("shared files", memory, "give this user rights on /dev/shm"),
+        folder_check("shared files", Path::new(SHARED_MEMORY), "give this user rights on /dev/shm"),
         folder_check("runs", &root, "remove it, or set XDG_RUNTIME_DIR to a short path of this user"),
         check(
             "stale runs",

@@ -20,7 +20,7 @@ pub(crate) fn space_mb(path: &Path) -> Option<(u64, u64)> {
 }
 
 /// `[MB]` free shared memory, and in words; `None` where it has no size: without a limit, or not to be asked.
-fn found() -> Option<(u64, String)> {
+pub(crate) fn shared_memory() -> Option<(u64, String)> {
     let (free, whole) = space_mb(Path::new(SHARED_MEMORY)).filter(|(_, whole)| *whole > 0)?;
     Some((free, format!("{free} of {whole} MB free in {SHARED_MEMORY}")))
 }
@@ -30,7 +30,7 @@ fn found() -> Option<(u64, String)> {
 /// # Errors
 /// Too little shared memory is free.
 pub(crate) fn check_shared_memory() -> Result<(), Failure> {
-    match found() {
+    match shared_memory() {
         Some((free, found)) if free < LEAST_MB => {
             Err(Failure::io(format!("{found}, {LEAST_MB} MB needed: {REMEDY}")))
         }
@@ -40,6 +40,6 @@ pub(crate) fn check_shared_memory() -> Result<(), Failure> {
 
 /// What a signal says of why a process ended, where it says anything.
 pub(crate) fn cause_of(signal: Option<i32>) -> Option<String> {
-    let (_, found) = found().filter(|_| signal == Some(libc::SIGBUS))?;
+    let (_, found) = shared_memory().filter(|_| signal == Some(libc::SIGBUS))?;
     Some(format!("perhaps it found no room for a message; now {found}: {REMEDY}"))
 }

@@ -267,7 +267,7 @@ fn an_unknown_topic_is_refused_with_the_list() {
 #[test]
 fn a_recording_ends_in_order_before_the_disk_is_full() {
     let _alone = Alone::wait();
-    let Some(disk) = SmallDisk::mount(6) else {
+    let Some(disk) = SmallDisk::mount() else {
         println!("skipped: a disk that fills needs a mount, which this user may not make");
         return;
     };

@@ -54,14 +54,14 @@ fn no_result_takes_the_place_of_a_recording_and_what_a_recording_cannot_give_is_
     assert!(run(&["info", &walk]).out.contains("state:       complete"), "the recording is as it was");
 }
 
-/// A disk in memory, as far as this user may make one.
+/// A disk of 6 MB in memory, as far as this user may make one.
 pub(crate) struct SmallDisk(pub(crate) Folder);
 
 impl SmallDisk {
-    pub(crate) fn mount(size_mb: u32) -> Option<Self> {
-        let folder = Folder::new(&format!("disk-{size_mb}"));
+    pub(crate) fn mount() -> Option<Self> {
+        let folder = Folder::new("disk");
         let status = std::process::Command::new("mount")
-            .args(["-t", "tmpfs", "-o", &format!("size={size_mb}m"), "tmpfs"])
+            .args(["-t", "tmpfs", "-o", "size=6m", "tmpfs"])
             .arg(&folder.0)
             .stderr(std::process::Stdio::null())
             .status();
@@ -78,7 +78,7 @@ impl Drop for SmallDisk {
 #[test]
 fn a_full_disk_ends_the_recording_with_a_message_and_the_drive_goes_on() {
     let _alone = Alone::wait();
-    let Some(disk) = SmallDisk::mount(6) else {
+    let Some(disk) = SmallDisk::mount() else {
         println!("skipped: a disk that fills needs a mount, which this user may not make");
         return;
     };

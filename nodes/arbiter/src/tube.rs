@@ -101,7 +101,7 @@ pub(crate) struct Tube {
     limiter: Limiter,
     robot: Robot,
     /// Part of a difference that the base follows within a step.
-    follow: f32,
+    pub(crate) follow: f32,
     hold_s: f32,
     gap_m: f32,
     full_margin_m: f32,

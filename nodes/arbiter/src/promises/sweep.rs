@@ -6,7 +6,7 @@ use crate::clearance::{Outline, Rows};
 use crate::fixture::{Stage, loomo};
 use crate::limits::{Limiter, Motion};
 use crate::member::{Fours, LANES, members};
-use crate::rollout::{Course, Rollout, STEP_S, STEPS_MAX, STRIDE};
+use crate::rollout::{Course, Rollout, STEPS_MAX, STRIDE};
 use crate::tube::{Candidate, ERROR_M, Situation};
 use sidestep_msgs::{SAFETY_SIDE, Twist};
 
@@ -28,22 +28,16 @@ fn situation(stage: &mut Stage, twist: Twist) -> Situation {
 
 /// Adds the cells that members come nearer to than `margin_m`, those that err by `ERROR_M` less.
 fn add_swept<const FOURS: usize>(
-    situation: &Situation,
+    (situation, follow): (&Situation, f32),
     wish: Twist,
     members: &Fours<FOURS>,
     margin_m: f32,
     swept: &mut Rows,
 ) {
-    let (robot, ratio) = (loomo(), STEP_S / loomo().actuator.lag_s);
+    let robot = loomo();
     let outline = Outline::new(&robot).unwrap();
-    let course = Course {
-        situation,
-        twist: wish,
-        hold_s: CONFIG.hold_s,
-        follow: ratio / (1.0 + 0.5 * ratio),
-        radius_m: 0.4,
-        nearer_m: 0.0,
-    };
+    let course =
+        Course { situation, twist: wish, hold_s: CONFIG.hold_s, follow, radius_m: 0.4, nearer_m: 0.0 };
     let mut brake = Brake::new(&candidate(wish), &Limiter::new(&robot.limits), &robot);
     let mut rollout = Rollout::new(&course, members);
     for _ in 0..STEPS_MAX / STRIDE {
@@ -61,11 +55,11 @@ fn add_swept<const FOURS: usize>(
     }
 }
 
-fn swept(situation: &Situation, wish: Twist, margin_m: f32) -> Rows {
+fn swept(base: (&Situation, f32), wish: Twist, margin_m: f32) -> Rows {
     let (farthest, others) = members(&loomo(), CONFIG.hold_s);
     let mut rows = [0; SAFETY_SIDE];
-    add_swept(situation, wish, &farthest, margin_m, &mut rows);
-    add_swept(situation, wish, &others, margin_m, &mut rows);
+    add_swept(base, wish, &farthest, margin_m, &mut rows);
+    add_swept(base, wish, &others, margin_m, &mut rows);
     rows
 }
 
@@ -89,10 +83,12 @@ fn what_any_member_meets_forbids_the_motion_and_nothing_else_does() {
     let (mut met, mut clear) = (0, 0);
     for (v_m_s, w_rad_s) in CURVES {
         let wish = Twist::new(v_m_s, w_rad_s);
-        let open = situation(&mut Stage::new(&CONFIG, &[]), wish);
+        let mut floor = Stage::new(&CONFIG, &[]);
+        let open = situation(&mut floor, wish);
+        let base = (&open, floor.arbiter.tube.follow);
         let start = Outline::new(&loomo()).unwrap().overlapped(&open.at, 0.06, &ALL);
-        let must = swept(&open, wish, CONFIG.margin_m - 1e-4);
-        let may = swept(&open, wish, CONFIG.margin_m + CONFIG.gap_m + 2.0 * ERROR_M);
+        let must = swept(base, wish, CONFIG.margin_m - 1e-4);
+        let may = swept(base, wish, CONFIG.margin_m + CONFIG.gap_m + 2.0 * ERROR_M);
         for ([row, bit], is_met) in edge(&must)
             .into_iter()
             .map(|cell| (cell, true))
