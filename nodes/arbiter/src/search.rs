@@ -14,7 +14,7 @@ use sidestep_msgs::{NO_CELL, Reason, SAFETY_GRID, Twist};
 
 /// A part of the wish is found to this.
 const FINE: f32 = 1.0 / 640.0;
-/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change. Who rolls backward may back up.
+/// `[m/s]` an escape begins only below this speed; above, the curve of the brake must not change. Who backs up already may go on.
 const SLOW_M_S: f32 = 0.15;
 /// `[m/s]` and [rad/s] that there must be room for, to begin to move at all and to leave an escape.
 const BEGIN: (f32, f32) = (0.06, 0.3);
@@ -22,6 +22,8 @@ const LEAVE: (f32, f32) = (0.35, 0.6);
 /// `[ns]` an escape keeps its side for this long after it was last needed.
 const SIDE_NS: u64 = 1_000_000_000;
 
+/// `[ns]` an escape of so long ago, some ticks, is still under way.
+const UNDER_WAY_NS: u64 = 50_000_000;
 /// `[ns]` so long after an escape the next one is a new one.
 const FORGET_NS: u64 = 3_000_000_000;
 
@@ -117,9 +119,9 @@ impl Filter<'_> {
                 return Filtered { scale: 0.0, reason: Reason::Straight, cell, ..filtered };
             }
         }
-        if question.ways == Ways::Escapes && question.from.twist.v_m_s < SLOW_M_S {
-            let may_turn = question.from.twist.v_m_s > -SLOW_M_S;
-            let turn = may_turn.then(|| self.turn(question, wish, escape)).flatten();
+        if may_escape(question, escape) {
+            let is_slow = question.from.twist.v_m_s > -SLOW_M_S;
+            let turn = is_slow.then(|| self.turn(question, wish, escape)).flatten();
             if let Some((motion, reason)) = turn.or_else(|| self.back_up(question, escape)) {
                 escape.used_ns = question.now_ns;
                 return Filtered { motion, scale: 0.0, reason, cell };
@@ -131,8 +133,8 @@ impl Filter<'_> {
     /// The answer where the map is free but a direct sensor sees something right ahead: a turn might swing a corner into it, so the
     /// robot backs off.
     fn back_off(&self, question: &Question, filtered: Filtered, escape: &mut Escape) -> Filtered {
-        let may = question.ways == Ways::Escapes && question.from.twist.v_m_s < SLOW_M_S;
-        let Some((motion, reason)) = may.then(|| self.back_up(question, escape)).flatten() else {
+        let back = may_escape(question, escape).then(|| self.back_up(question, escape)).flatten();
+        let Some((motion, reason)) = back else {
             return filtered;
         };
         escape.used_ns = question.now_ns;
@@ -289,6 +291,13 @@ impl Filter<'_> {
         let reason = if harmless { Reason::Braking } else { Reason::Emergency };
         Filtered { motion: hard, scale: 0.0, reason, cell: hit.cell }
     }
+}
+
+/// Whether an escape may begin or go on. Who rolls backward by a wish, not by an escape, brakes first: a turn may do.
+fn may_escape(question: &Question, escape: &Escape) -> bool {
+    let v_m_s = question.from.twist.v_m_s;
+    let is_under_way = question.now_ns.saturating_sub(escape.used_ns) <= UNDER_WAY_NS;
+    question.ways == Ways::Escapes && v_m_s < SLOW_M_S && (v_m_s > -SLOW_M_S || is_under_way)
 }
 
 /// The part of a wish that a twist is: of its speed, or of its turn where it is one on the spot.

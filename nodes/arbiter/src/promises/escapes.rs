@@ -149,6 +149,24 @@ fn it_turns_to_the_side_of_the_wish_or_else_of_the_goal() {
     }
 }
 
+/// A wall across the way; a robot that backs off from it, then is driven backward by a wish, then wants on: it brakes and turns
+/// where a turn is free, and does not back up on.
+#[test]
+fn who_rolls_backward_by_a_wish_tries_a_turn_before_it_backs_up() {
+    let mut stage = Stage::new(&CONFIG, &[[0.34, -3.0, 1.5, 3.0]]);
+    stage.wish = Twist::new(0.5, 0.0);
+    while stage.tick().reason != Reason::Reversing as u32 {}
+    stage.wish = Twist::new(-0.2, 0.0);
+    stage.ticks(50);
+    stage.wish = Twist::new(0.5, 0.0);
+    let turned = (0..60).find(|tick| {
+        stage.tick();
+        assert!(stage.command.reason != Reason::Reversing as u32, "{tick}: {:?}", stage.command);
+        stage.command.reason == Reason::Rotating as u32
+    });
+    assert!(turned.is_some_and(|ticks| ticks > 5), "{turned:?}: {:?}", stage.command);
+}
+
 #[test]
 fn escaping_backward_crosses_only_cells_seen_lately_and_not_more_than_its_length() {
     let slot = [[0.25, -3.0, 1.0, 3.0], [-3.0, 0.34, 3.0, 1.0], [-3.0, -1.0, 3.0, -0.34]];
