@@ -6,19 +6,26 @@
 use crate::clearance::{Heading, Outline, Rows};
 use crate::maneuver::{Kind, LEGS, Leg, Maneuver};
 use crate::stencil::{
-    CELL_M, HALF_MAP, HEADINGS, Layer, Place, Runs, SIDE, Stencils, direction, index, middle_m, window,
+    Beginning, CELL_M, HALF_MAP, HEADINGS, Layer, Place, Runs, SIDE, Stencils, direction, index, middle_m,
+    window,
 };
 use crate::wave::{Asked, Blinders, Eye, Step, Wave};
 use bytemuck::Zeroable;
 use sidestep_msgs::{Pose2, Robot, SAFETY_SIDE};
 use wide::f32x4;
 
-/// Steps of the longest way: 0.14 to 0.16 m, or a turn of 18 to 27 degrees. Turns of a leg: less than half a circle, so that its
-/// end says to which side.
-const LONGEST: usize = 96;
+/// Steps of the longest way: 0.14 to 0.16 m, or a turn of 18 to 27 degrees; and of both looks for one together, which bounds the
+/// time of a step of the arbiter.
+const LONGEST: usize = 28;
+const BOTH: usize = 40;
+/// Turns of a leg: less than half a circle, so that its end says to which side.
 const TURNS: usize = 6;
-/// `[m]` widening of the footprint beyond its margin: a way with room beside it is looked for first.
+/// `[m]` widening of the footprint beyond its margin: a way with room beside it may take so many steps more.
 const ROOMY_M: f32 = 0.025;
+const DETOUR: usize = 8;
+/// Numbers of the two widths.
+const ROOMY: usize = 0;
+const NARROW: usize = 1;
 /// `[m]` how far on towards the goal is enough, and how far beside the line to it; cosine of the angle to it.
 const ON_M: f32 = 0.6;
 const ASIDE_M: f32 = 0.45;
@@ -50,7 +57,7 @@ pub(crate) struct Scene<'a> {
 /// Looks for ways out.
 #[derive(Debug, Clone)]
 pub(crate) struct Planner {
-    /// With room beside the way, and without.
+    /// With room beside the way, and without: [`ROOMY`] and [`NARROW`].
     stencils: [Stencils; 2],
     /// `[m]` from the axle to the nearest floor that the camera sees; 0 for a scanner.
     blind_m: f32,
@@ -84,41 +91,55 @@ impl Planner {
         }
     }
 
-    /// The way on of the fewest steps, else that to a view, of at most [`LEGS`] legs; with room beside it, else without.
+    /// The way on of the fewest steps, else that to a view, of at most [`LEGS`] legs; with room beside it, if it is not much longer.
     pub(crate) fn find(&mut self, scene: &Scene<'_>) -> Option<Maneuver> {
         let blocked = window(scene.blocked);
         let stands: Rows = std::array::from_fn(|row| scene.blocked[row] & !scene.unknown[row]);
         self.on.take(|on| scene.fill_on(on));
         let nearest_m = self.blind_m + BEYOND_M;
         self.view.take(|view| scene.fill_view(&stands, self.half_width_m, nearest_m, view));
-        let (stands, along) = (window(&stands), scene.along());
-        let Self { stencils, runs, wave, on, view, blinders, .. } = self;
-        runs.take(&blocked, stencils);
-        let begins = stencils.each_ref().map(|stencils| stencils.beginning(runs, scene.at));
-        let nearest = begins[1].map(|from| from.off)?;
-        if let Some(blinders) = blinders {
-            wave.shun(&stands, blinders);
+        self.runs.take(&blocked, &self.stencils);
+        let [roomy, narrow] =
+            self.stencils.each_ref().map(|stencils| stencils.beginning(&self.runs, scene.at));
+        let narrow = narrow?;
+        if let Some(blinders) = &self.blinders {
+            self.wave.shun(&window(&stands), blinders);
         }
+        // First without room: where no such way leads, none with room does.
+        let (way, steps, spreads) = self.look(scene, NARROW, &narrow, LONGEST)?;
         // Room beside a way that begins where the robot is not is of no use to it.
-        let widths = stencils.iter().zip(begins).filter_map(|(stencils, from)| Some((stencils, from?)));
-        widths.filter(|(_, from)| from.off == nearest).find_map(|(stencils, from)| {
-            wave.begin(stencils, runs, &from);
-            let mut seen_from = None;
-            for _ in 0..LONGEST {
-                if !wave.spread() {
-                    break;
-                }
-                let way = |asked: &Asked| {
-                    wave.meets(asked, |place| scene.cost(along, place))
-                        .and_then(|place| scene.legs(wave, place))
-                };
-                if let Some(way) = way(on) {
-                    return Some(way);
-                }
-                seen_from = seen_from.or_else(|| way(view));
+        let roomy = roomy.filter(|from| from.off == narrow.off);
+        let most = (steps + DETOUR).min(BOTH - spreads);
+        let roomy = roomy.and_then(|from| self.look(scene, ROOMY, &from, most));
+        Some(roomy.map_or(way, |(way, ..)| way))
+    }
+
+    /// A way of one width of at most so many steps, with the number of its steps and of those looked at.
+    fn look(
+        &mut self,
+        scene: &Scene<'_>,
+        width: usize,
+        from: &Beginning,
+        most: usize,
+    ) -> Option<(Maneuver, usize, usize)> {
+        let Self { stencils, runs, wave, on, view, .. } = self;
+        wave.begin(&stencils[width], runs, from);
+        let along = scene.along();
+        let mut seen_from = None;
+        for step in 1..=most {
+            if !wave.spread() {
+                return seen_from.map(|(way, steps)| (way, steps, step));
             }
-            seen_from
-        })
+            let way = |asked: &Asked| {
+                let place = wave.meets(asked, |place| scene.cost(along, place))?;
+                scene.legs(wave, place).map(|way| (way, step))
+            };
+            if let Some((way, steps)) = way(on) {
+                return Some((way, steps, step));
+            }
+            seen_from = seen_from.or_else(|| way(view));
+        }
+        seen_from.map(|(way, steps)| (way, steps, most))
     }
 }
 
