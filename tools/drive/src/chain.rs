@@ -28,6 +28,22 @@ pub(crate) enum Image<'a> {
     Known(&'a Surroundings<'a>),
 }
 
+/// When a policy that does not lead is asked.
+#[derive(Debug, Clone, Copy)]
+struct Standby {
+    /// Good frames of the lead in a row, and how many are enough for it to drive in any case.
+    good: u32,
+    enough: u32,
+}
+
+impl Standby {
+    /// Whether the policy may drive, given how the lead fares.
+    fn is_needed(&mut self, lead: Status) -> bool {
+        self.good = if lead == Status::Ok { self.good.saturating_add(1) } else { 0 };
+        self.good <= self.enough
+    }
+}
+
 /// Mapper, guard, goal, policy, expert and arbiter with their last messages.
 pub struct Chain {
     mapper: Option<Mapper>,
@@ -35,6 +51,7 @@ pub struct Chain {
     goal: Goal,
     expert: Expert,
     policy: Option<Policy>,
+    standby: Option<Standby>,
     arbiter: Arbiter,
     lead: Lead,
     refining: bool,
@@ -69,6 +86,8 @@ impl Chain {
             Sight::Grid | Sight::Noisy => None,
         };
         let guarded = setup.sight == Sight::Camera && robot.camera.is_some();
+        let refining = setup.expert.mode == sidestep_expert::Lead::Refined;
+        let may_stand_by = setup.policy_stands_by && setup.arbiter.lead == Lead::Expert && !refining;
         let guard = setup.guard.filter(|_| guarded).map(|config| Guard::new(&config, robot)).transpose();
         Ok(Self {
             mapper,
@@ -76,9 +95,10 @@ impl Chain {
             goal: Goal::new(&setup.goal, robot).map_err(|error| refused(&error))?,
             expert: Expert::new(&setup.expert, robot).map_err(|error| refused(&error))?,
             policy: setup.policy.take(),
+            standby: may_stand_by.then_some(Standby { good: 0, enough: setup.arbiter.lead_frames }),
             arbiter: Arbiter::new(&setup.arbiter, robot, 0).map_err(|error| refused(&error))?,
             lead: setup.arbiter.lead,
-            refining: setup.expert.mode == sidestep_expert::Lead::Refined,
+            refining,
             limits: robot.limits,
             overruled: None,
             odometry_sequence: 0,
@@ -147,13 +167,8 @@ impl Chain {
         self.frames += 1;
         let status = self.look(image);
         let goal_status = self.goal.step(&self.local, self.frames, status, &mut self.local_goal);
+        let (policy_status, expert_status) = self.propose(goal_status);
         let [policy_out, expert_out] = &mut self.proposals;
-        let mut policy_status = Status::NoGoal;
-        if let Some(policy) = &mut self.policy {
-            policy_status = policy.propose(&self.local, &self.local_goal, goal_status, policy_out);
-        }
-        let seed = (self.refining && policy_status == Status::Ok).then_some(policy_out.twist);
-        let expert_status = self.expert.plan(&self.local, &self.local_goal, goal_status, seed, expert_out);
         if let Some(wish) = self.overruled {
             let twist = clamp_to_window(wish, self.local_goal.twist, &self.limits);
             (policy_out.twist, expert_out.twist) = (twist, twist);
@@ -165,12 +180,26 @@ impl Chain {
         }
         self.arbiter.safety_map(&self.safety, &about(status));
         self.arbiter.local_goal(&self.local_goal, &about(goal_status));
-        if self.policy.is_some() {
+        if let Some(policy_status) = policy_status {
             self.arbiter.proposal(Winner::Policy, policy_out, &about(policy_status));
         }
         self.arbiter.proposal(Winner::Expert, expert_out, &about(expert_status));
-        self.statuses = [status, goal_status, policy_status, expert_status];
+        self.statuses = [status, goal_status, policy_status.unwrap_or(Status::NoGoal), expert_status];
         status
+    }
+
+    /// Makes the proposals of a frame; the policy's status is `None` where nobody asked it.
+    fn propose(&mut self, goal_status: Status) -> (Option<Status>, Status) {
+        let Self { local, local_goal: goal, expert, policy, .. } = self;
+        let [policy_out, expert_out] = &mut self.proposals;
+        let mut ask = || Some(policy.as_mut()?.propose(local, goal, goal_status, policy_out));
+        if let Some(standby) = &mut self.standby {
+            let status = expert.plan(local, goal, goal_status, None, expert_out);
+            return (if standby.is_needed(status) { ask() } else { None }, status);
+        }
+        let status = ask();
+        let seed = (self.refining && status == Some(Status::Ok)).then_some(policy_out.twist);
+        (status, expert.plan(local, goal, goal_status, seed, expert_out))
     }
 
     /// Puts a wish in the place of what both planners propose from the next frame on, within the window of u'; `None`

@@ -76,6 +76,9 @@ pub struct Setup {
     pub arbiter: sidestep_arbiter::Config,
     /// The policy, if one takes part.
     pub policy: Option<Policy>,
+    /// Whether a policy that does not lead is asked only while its proposal may be heard: the commands are the same, but for
+    /// the age of the policy's proposal that they tell.
+    pub policy_stands_by: bool,
     /// How the robot sees.
     pub sight: Sight,
     /// Whether the arbiter filters; without it the lead's proposal goes to the base as it is.
@@ -102,6 +105,7 @@ impl Setup {
             expert: sidestep_expert::Config::STANDARD,
             arbiter: sidestep_arbiter::Config { lead, ..sidestep_arbiter::Config::STANDARD },
             policy: None,
+            policy_stands_by: false,
             sight: Sight::Camera,
             arbitrated: true,
         }

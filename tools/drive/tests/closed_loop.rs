@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test says what it expects by failing")]
 
 use sidestep_arbiter::Lead;
-use sidestep_drive::{Drive, Setup};
+use sidestep_drive::{Drive, Setup, Sight};
 use sidestep_mapper::Mapper;
 use sidestep_msgs::{
     Code, Command, DepthFrame, EstopAction, Odometry, Pose2, Reason, Robot, SAFETY_GRID, SafetyMap, Twist,
@@ -73,6 +73,44 @@ fn who_stands_too_near_to_a_wall_to_see_it_leaves() {
     let outcome = drive.run(1, 30.0);
     println!("{}", outcome.summary());
     assert!(outcome.arrivals == 1 && outcome.collisions == 0, "{}", outcome.summary());
+}
+
+/// In the office, before a wall too near to see, and round and round with a wish that overrules both: whether the policy
+/// always runs beside the expert that leads or only stands by, the same is commanded for the same reasons, the policy's own
+/// turns included.
+#[test]
+fn a_policy_that_stands_by_changes_no_command() {
+    let mut near = World::empty();
+    near.solids.push(Solid::block([0.5, 0.0], [0.2, 4.0], 0.0, [0.0, 2.0]));
+    near.start = Pose2::ORIGIN;
+    near.legs_m = vec![vec![[0.0, 0.0], [-2.5, 0.0]]];
+    let mut others = 0;
+    for (world, sight, wish) in [
+        (World::office(1), Sight::Noisy, None),
+        (World::office(3), Sight::Grid, Some(Twist::new(1.0, 0.6))),
+        (near, Sight::Camera, None),
+    ] {
+        let [mut always, mut stands_by] = [false, true].map(|policy_stands_by| {
+            let mut setup = Setup { policy_stands_by, sight, ..setup("loomo", world.clone()) };
+            setup.policy = Some(Policy::load(sidestep_policy::embedded(), "embedded", &setup.robot).unwrap());
+            Drive::new(setup).unwrap()
+        });
+        while always.outcome().time_s < 60.0 {
+            for drive in [&mut always, &mut stands_by] {
+                drive.overrule(wish);
+                drive.tick();
+            }
+            let told = |drive: &Drive| {
+                let Command { twist, wish, winner, reason, limiting_cell, .. } = *drive.command();
+                (twist, wish, winner, reason, limiting_cell)
+            };
+            assert_eq!(told(&always), told(&stands_by), "{sight:?} after {} s", always.outcome().time_s);
+            others += u32::from(always.command().winner == Winner::Policy as u32);
+        }
+        assert_eq!(always.truth(), stands_by.truth());
+    }
+    println!("{others}");
+    assert!(others > 0, "the policy never drove");
 }
 
 /// Held on the way for five minutes of simulated time, the robot goes on to its goals: what it knew of the last metre,

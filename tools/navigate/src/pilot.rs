@@ -122,6 +122,7 @@ impl<'a> Pilot<'a> {
         // In a graph the network always runs, and drives where the expert cannot; without an arbiter nobody asks it.
         if conditions.arbitrated || conditions.lead.needs_policy() {
             setup.policy = self.policy.take();
+            setup.policy_stands_by = true;
         }
         Ok(Drive::new(setup)?)
     }
