@@ -37,7 +37,7 @@ pub const FROZEN_SETS: [FrozenSet; 3] = [
         seed: 990_002,
         samples: 10_000,
         bursts: Some(true),
-        content_hash: 0xd0fc_9c3c_2f70_0d12,
+        content_hash: 0x7d11_cc7a_7efc_665f,
     },
     FrozenSet {
         name: "paper.data",
