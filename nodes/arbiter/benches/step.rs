@@ -90,6 +90,16 @@ fn corridor_end(bencher: divan::Bencher<'_, '_>) {
     step(bencher, &robot(), &map(|x, y| y.abs() > 0.45 || x > 1.2), Twist::new(0.8, 0.0));
 }
 
+/// At 1 m/s in a curve between posts, one of which is too near ahead: every scale is searched, each over more than a metre.
+#[divan::bench]
+fn between_posts_1_m_s(bencher: divan::Bencher<'_, '_>) {
+    let beside = (-4i8..8).flat_map(|number| [0.42, -0.42].map(|y| [0.25 * f32::from(number), y]));
+    let posts: Vec<[f32; 2]> = beside.chain([[1.3, 0.1]]).collect();
+    let map =
+        map(|x, y| posts.iter().any(|[at_x, at_y]| (x - at_x).powi(2) + (y - at_y).powi(2) < 0.04 * 0.04));
+    step(bencher, &robot(), &map, Twist::new(1.0, 0.1));
+}
+
 #[divan::bench]
 fn boxed_in(bencher: divan::Bencher<'_, '_>) {
     step(bencher, &robot(), &map(|x, y| y.abs() > 0.34 || x.abs() > 0.2), Twist::new(0.0, 0.5));

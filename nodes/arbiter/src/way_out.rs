@@ -368,6 +368,17 @@ mod tests {
         assert_eq!([0.3, 0.42, 0.63].map(found), [true; 3]);
     }
 
+    /// A gap that there is no room beside, in a wall: the way round its end has room, but is 0.9 m aside.
+    #[test]
+    fn a_gap_without_room_is_taken_before_a_long_way_round() {
+        let none = rows(|_, _| false);
+        for half_gap_m in [0.35, 0.45] {
+            let wall = rows(|x, y| (0.55..0.65).contains(&x) && (half_gap_m..0.5).contains(&y.abs()));
+            let legs = found(&wall, &none, &Pose2::ORIGIN, [1.8, 0.0]).unwrap();
+            assert!(legs.iter().all(|leg| leg.end.y_m.abs() < 0.1), "{half_gap_m}: {legs:?}");
+        }
+    }
+
     /// A slot that is closed ahead and open behind, too narrow to turn in, and a goal beside it.
     #[test]
     fn out_of_a_slot_it_leads_back_and_round() {

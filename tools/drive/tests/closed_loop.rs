@@ -62,14 +62,19 @@ fn turns_are_driven_over_floor_that_was_seen() {
     }
 }
 
-/// Put before a wall that fills the view and is too near to be measured: it is heard, and the robot leaves it for a goal behind.
-#[test]
-fn who_stands_too_near_to_a_wall_to_see_it_leaves() {
+/// Before a wall that fills the view and is too near to be measured, the goal behind.
+fn too_near() -> World {
     let mut world = World::empty();
     world.solids.push(Solid::block([0.5, 0.0], [0.2, 4.0], 0.0, [0.0, 2.0]));
     world.start = Pose2::ORIGIN;
     world.legs_m = vec![vec![[0.0, 0.0], [-2.5, 0.0]]];
-    let mut drive = Drive::new(setup("loomo", world)).unwrap();
+    world
+}
+
+/// The wall is heard, and the robot leaves it.
+#[test]
+fn who_stands_too_near_to_a_wall_to_see_it_leaves() {
+    let mut drive = Drive::new(setup("loomo", too_near())).unwrap();
     let outcome = drive.run(1, 30.0);
     println!("{}", outcome.summary());
     assert!(outcome.arrivals == 1 && outcome.collisions == 0, "{}", outcome.summary());
@@ -80,15 +85,11 @@ fn who_stands_too_near_to_a_wall_to_see_it_leaves() {
 /// turns included.
 #[test]
 fn a_policy_that_stands_by_changes_no_command() {
-    let mut near = World::empty();
-    near.solids.push(Solid::block([0.5, 0.0], [0.2, 4.0], 0.0, [0.0, 2.0]));
-    near.start = Pose2::ORIGIN;
-    near.legs_m = vec![vec![[0.0, 0.0], [-2.5, 0.0]]];
     let mut others = 0;
     for (world, sight, wish) in [
         (World::office(1), Sight::Noisy, None),
         (World::office(3), Sight::Grid, Some(Twist::new(1.0, 0.6))),
-        (near, Sight::Camera, None),
+        (too_near(), Sight::Camera, None),
     ] {
         let [mut always, mut stands_by] = [false, true].map(|policy_stands_by| {
             let mut setup = Setup { policy_stands_by, sight, ..setup("loomo", world.clone()) };
@@ -109,7 +110,6 @@ fn a_policy_that_stands_by_changes_no_command() {
         }
         assert_eq!(always.truth(), stands_by.truth());
     }
-    println!("{others}");
     assert!(others > 0, "the policy never drove");
 }
 
